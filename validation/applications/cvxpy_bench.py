@@ -12,7 +12,6 @@ TIGHT = {"tol_gap_abs": 1e-12, "tol_gap_rel": 1e-12, "tol_feas": 1e-12}
 SOLVERS: dict[str, tuple[str, dict[str, Any]]] = {
     "nam": ("NAM", {}),
     "osqp": ("OSQP", {}),
-    "osqp-1e-8": ("OSQP", {"eps_abs": 1e-8, "eps_rel": 1e-8, "max_iter": 1_000_000}),
     "clarabel": ("CLARABEL", {}),
     "reference": ("CLARABEL", {**TIGHT, "accept_unknown": True}),
 }

@@ -24,7 +24,6 @@ from validation.harness.suite import Args, Suite
 from validation.problems.models import decisions, statistics
 
 STEPS = 101  # the first compiles and is not counted
-VARIANTS = {**SOLVERS, "nam-cold": ("NAM", {"warm_start": False})}
 ERRORS = ["primal_residual", "dual_residual", "complementarity"]
 Sequence = tuple[cp.Problem, Iterator[None]]
 
@@ -109,7 +108,7 @@ def resolve(name: str, size: str, variant: str) -> Row:
     from namlcp.cvxpy import NAM
 
     make, sizes = MODELS[name]
-    keyword, options = VARIANTS[variant]
+    keyword, options = SOLVERS[variant]
     problem, steps = make(*sizes[size])
     times, found, values = [], [], []
     first = time.perf_counter()
@@ -173,7 +172,7 @@ SUITE = Suite(
         " iterations form status"
     ),
     keys="set problem solver",
-    solvers=tuple(VARIANTS),
-    packages={"nam-cold": "cvxpy", "osqp-1e-8": "osqp", REFERENCE: "clarabel"},
+    solvers=("nam", "osqp", REFERENCE),
+    packages={REFERENCE: "clarabel"},
     limit=120.0,
 )

@@ -9,14 +9,14 @@ symmetric A are the QPs min 1/2 z'Az + q'z over the box.
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
 from qpsolvers import Problem
 
 from namlcp.scenes import disc_pile, preview_control
-from validation.problems import data_sets, draw, osqp_classes
+from validation.problems import data_sets, osqp_classes
 from validation.problems.contact_scenes import brick_wall, heap
 from validation.problems.known_scenes import (
     BoxLCP,
@@ -35,7 +35,6 @@ from validation.problems.known_scenes import (
 from validation.problems.large_scenes import (
     anisotropic,
     biactive,
-    box_3d,
     rough_obstacle,
 )
 from validation.problems.planted import planted as planted_qp
@@ -44,8 +43,6 @@ from validation.problems.sequences import control
 from validation.problems.sweep_scenes import paper_example
 
 PAPER_SIDES = (10, 30, 100)  # m of the paper's tables, with n = m^2 unknowns
-SWEPT = ("sweep namgs", "sweep msor", "sweep psor")
-"""The sweeps that stand beside the solvers where A is an LCP's."""
 
 
 class Task(NamedTuple):
@@ -64,7 +61,6 @@ class Family(NamedTuple):
     all QP solvers. `quick`: the names that the quick version takes.
     """
 
-    title: str
     distance: bool
     makers: dict[str, Callable[[], Task]]
     quick: tuple[str, ...]
@@ -76,27 +72,6 @@ def boxed(scene: BoxLCP, exact: np.ndarray | None = None) -> Task:
     A, q, lower, upper = scene
     P = A if isinstance(A, np.ndarray) else sp.csc_matrix(A)
     return Task(Problem(P, q, lb=lower, ub=upper), exact)
-
-
-def planted(A: Any, seed: int = 0) -> Task:
-    """Return the LCP with A whose solution is planted, half of it at zero."""
-    A = sp.csr_array(A)
-    z, w = draw.opposite(np.random.default_rng(seed), A.shape[0], A.diagonal())
-    return boxed(nonnegative(A, w - A @ z), z)
-
-
-def random_signs(n: int, seed: int = 0) -> sp.csr_array:
-    """Return a sparse symmetric A, strictly dominant, with entries of both signs."""
-    rng = np.random.default_rng(seed)
-    band = [rng.uniform(-1.0, 1.0, n - k) for k in (1, 2, 7)]
-    B = sp.diags_array(band, offsets=[1, 2, 7], shape=(n, n))
-    B = sp.csr_array(B + B.T)
-    return sp.csr_array(B + sp.diags_array(1.25 * np.asarray(abs(B).sum(axis=1))))
-
-
-def dominant(m: int, delta: float) -> Task:
-    """Return Example 1 of the paper with a planted contact set, n = m^2."""
-    return planted(paper_example(1, m, delta).A)
 
 
 def paper_task(number: int, delta: float, m: int) -> Task:
@@ -191,25 +166,13 @@ def missing(data: Path | None) -> list[str]:
 def families(data: Path | None) -> dict[str, Family]:
     """Return the families by name, with what the data folder has of them.
 
-    dominant: strictly dominant symmetric A, planted solutions; obstacle: on 100 x 100,
-    50 x 50 and 22 x 22 nodes; contact: without friction, many A are singular; MPC:
-    condensed and sparse; SVM: up to 10^4 points; general QP: everything a QP may have;
-    paper: for the sweeps and method="auto" alone.
+    obstacle: on 100 x 100, 50 x 50 and 22 x 22 nodes; contact: without friction, many A
+    are singular; MPC: condensed and sparse; SVM: up to 10^4 points; general QP:
+    everything a QP may have; paper: for the sweeps and method="auto" alone.
     """
     from namlcp.lcp import SWEEPS
 
     X, y = svm_data(data)
-    dominant_lcps = {
-        "five-point + 4": partial(dominant, 100, 4.0),
-        "five-point + 1": partial(dominant, 50, 1.0),
-        "five-point + 1/4": partial(dominant, 50, 0.25),
-        "no contact, + 4": lambda: paper_task(1, 4.0, 50),
-        "seven-point + 4": lambda: planted(box_3d(12).A + 4.0 * sp.eye_array(12**3)),
-        "random signs": lambda: planted(random_signs(2500)),
-        "five-point + 4, large": partial(dominant, 200, 4.0),
-        "small": partial(dominant, 20, 4.0),
-        "small, random signs": lambda: planted(random_signs(400)),
-    }
     obstacles = {
         "forced": lambda: boxed(obstacle(100)),
         "ball": lambda: boxed(ball_obstacle(52)),
@@ -263,19 +226,12 @@ def families(data: Path | None) -> dict[str, Family]:
     }
     every = tuple(f"sweep {name}" for name in (*SWEEPS, "lemke"))
     known = {
-        "dominant": Family(
-            "dominant LCP", True, dominant_lcps, ("small", "small, random signs"), SWEPT
-        ),
-        "obstacle": Family(
-            "obstacle LCP", True, obstacles, ("forced, small", "torsion, small"), SWEPT
-        ),
-        "contact": Family("contact", False, contacts, ("wall, small", "wedge"), SWEPT),
-        "MPC": Family("MPC", True, controls, ("point mass", "walk")),
-        "SVM": Family("SVM", True, machines, ("RBF", "squared hinge")),
-        "general QP": Family("general QP", False, general, ("random, 1", "lasso")),
-        "paper": Family(
-            "paper's examples", True, examples, tuple(examples)[:2], every, False
-        ),
+        "obstacle": Family(True, obstacles, ("forced, small", "torsion, small")),
+        "contact": Family(False, contacts, ("wall, small", "wedge")),
+        "MPC": Family(True, controls, ("point mass", "walk")),
+        "SVM": Family(True, machines, ("RBF", "squared hinge")),
+        "general QP": Family(False, general, ("random, 1", "lasso")),
+        "paper": Family(True, examples, tuple(examples)[:2], every, False),
     }
     for name, (problem_set, stored_names) in STORED.items():
         for key in stored_names:

@@ -1,8 +1,8 @@
 """Batches of small dense QPs, all different: microseconds an item, items a second.
 
-"nam" is `namlcp.solve_batch`, with 1 thread and with 2; "nam by calls" and "daqp" are
-loops over namlcp.solve_qp and daqp.solve. The time is that of the whole batch, the
-least of ROUNDS; with two threads it means something only where two cores are free.
+"nam" is `namlcp.solve_batch`, with 1 thread and with 2; "daqp" is a loop over
+daqp.solve. The time is that of the whole batch, the least of ROUNDS; with two threads
+it means something only where two cores are free.
 `residual` is the largest of all items: primal, dual, gap or a negative multiplier.
 """
 
@@ -33,12 +33,6 @@ def at_once(stack: Stack, threads: int) -> Answers:
     return r.x, r.z, r.codes == list(namlcp.Status).index(namlcp.Status.SOLVED)
 
 
-def one_by_one(stack: Stack, _: int) -> Answers:
-    results = [namlcp.solve_qp(*item) for item in zip(*stack, strict=True)]
-    found = np.array([r.status is namlcp.Status.SOLVED for r in results])
-    return np.array([r.x for r in results]), np.array([r.z for r in results]), found
-
-
 def by_daqp(stack: Stack, _: int) -> Answers:
     import daqp
 
@@ -56,7 +50,6 @@ def by_daqp(stack: Stack, _: int) -> Answers:
 
 LOOPS: dict[str, Callable[[Stack, int], Answers]] = {
     "nam": at_once,
-    "nam by calls": one_by_one,
     "daqp": by_daqp,
 }
 

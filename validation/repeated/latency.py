@@ -1,9 +1,9 @@
 """A single dense QP, n = 2 to 1000 variables and 2n rows, through qpsolvers.
 
-`microseconds` is the median time of a call of qpsolvers.solve_problem, "nam by calls"
-of namlcp.solve_qp, the least of ROUNDS medians (the first if it is above LONG seconds),
-each over PROBLEMS problems of a size (one where a call takes a second).
-What ran into the limit is not tried at a larger size.
+`microseconds` is the median time of a call of qpsolvers.solve_problem, the least of
+ROUNDS medians (the first if it is above LONG seconds), each over PROBLEMS problems of a
+size (one where a call takes a second). What ran into the limit is not tried at a larger
+size.
 """
 
 import statistics
@@ -13,7 +13,6 @@ import numpy as np
 import qpsolvers
 from qpsolvers import Problem, Solution
 
-import namlcp
 from validation.harness import (
     Job,
     Row,
@@ -37,16 +36,10 @@ def problems(n: int) -> list[Problem]:
 
 
 def called(problem: Problem, solver: str, eps: float, limit: float) -> Solution:
-    settings = qp_solvers.settings(solver.split()[0], eps, limit)
+    settings = qp_solvers.settings(solver, eps, limit)
     if solver == "moreau":  # which qpsolvers does not know
         return qp_solvers.solve(problem, solver, **settings)
-    if solver != "nam by calls":
-        return qpsolvers.solve_problem(problem, solver=solver, **settings)
-    r = namlcp.solve_qp(
-        problem.P, problem.q, problem.G, problem.h, None, None, None, None, **settings
-    )
-    found = r.status is namlcp.Status.SOLVED
-    return Solution(problem, found=found, x=r.x, y=r.y, z=r.z, z_box=np.empty(0))
+    return qpsolvers.solve_problem(problem, solver=solver, **settings)
 
 
 def measured(job: Job, n: int, eps: float) -> Row:
@@ -90,7 +83,7 @@ SUITE = Suite(
     work=measured,
     columns="n m solver eps microseconds solved problems residual status",
     keys="n solver eps",
-    solvers=("nam", "nam by calls", *qp_solvers.SOLVERS[1:], "quadprog"),
+    solvers=(*qp_solvers.SOLVERS, "quadprog"),
     tolerances=(1e-6,),
     limit=20.0,
     late=Late(by="n", same=(), copied=False),
