@@ -23,10 +23,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy.io
 import scipy.sparse as sp
+from qpsolvers import Problem
 
 import namlcp
 from validation.general.benchmark import make
-from validation.harness import Row, qps
+from validation.harness import Row
 from validation.paper import tables
 from validation.paper.printed import TABLES
 from validation.peers import benchmark
@@ -108,9 +109,10 @@ def row_of_lcp(result: Any, accuracy: float = np.nan) -> Row:
     return row | point_of(result.z)
 
 
-def qp_row(arguments: dict[str, Any], eps: float) -> Row:
+def qp_row(problem: Problem, eps: float) -> Row:
+    """Solve a QP to an absolute tolerance."""
     given = {"eps_abs": eps, "eps_rel": 0.0, "time_limit": LIMIT}
-    return row_of_qp(namlcp.solve_qp(**arguments, **given), eps, 0.0)
+    return row_of_qp(namlcp.solve_qp(*problem.unpack(), **given), eps, 0.0)
 
 
 def lcp_row(A: Any, q: np.ndarray, **given: Any) -> Row:
@@ -148,17 +150,8 @@ def related_row(kind: str, name: str) -> Row:
     return {"status": outcome, "method": why[:60], "verdict": outcome}
 
 
-def set_row(data: Path, problem_set: str, eps: float, name: str) -> Row:
-    return qp_row(qps.by_name(data_sets.load(data, problem_set, name)), eps)
-
-
-def changed_row(data: Path, change: str, name: str) -> Row:
-    return qp_row(qps.by_name(benchmark.load_changed(data, change, name)), 1e-6)
-
-
-def class_row(name: str) -> Row:
-    kind, size = name.rsplit(maxsplit=1)
-    return qp_row(qps.by_name(osqp_classes.generate(kind, int(size))), 1e-6)
+def loaded_row(load: Callable[[str], Problem], eps: float, name: str) -> Row:
+    return qp_row(load(name), eps)
 
 
 def infeasible_row(data: Path, name: str) -> Row:
@@ -166,34 +159,24 @@ def infeasible_row(data: Path, name: str) -> Row:
     if case is None:
         return {"status": "no such problem"}
     try:
-        row = qp_row(qps.by_name(case.problem), case.eps)
+        row = qp_row(case.problem, case.eps)
     except ValueError as error:
         row = {"status": "refused", "method": str(error)[:60]}
     return row | {"method": f"{row.get('method', '')} ({case.truth})"}
 
 
-def linear_program(path: Path) -> dict[str, Any]:
+def linear_program(folder: Path, name: str) -> Problem:
     """Read min c'x, A x = b, h_l <= G x <= h_u, x_l <= x <= x_u."""
-    mat = scipy.io.loadmat(path, spmatrix=True)
+    mat = scipy.io.loadmat(folder / f"{name}.mat", spmatrix=True)
     c, b, low, high, lb, ub = (
         mat[k].ravel().astype(float) for k in ("c", "b", "h_l", "h_u", "x_l", "x_u")
     )
     G = sp.csr_array(mat["G"])
     below, above = low > -data_sets.INFINITY, high < data_sets.INFINITY
-    return {
-        "P": sp.csc_array((c.size, c.size)), "q": c,
-        "G": sp.csc_array(sp.vstack([G[above], -G[below]])),
-        "h": np.concatenate([high[above], -low[below]]),
-        "A": sp.csc_array(mat["A"]), "b": b, "lb": lb, "ub": ub,
-    }  # fmt: skip
-
-
-def netlib_row(data: Path, eps: float, name: str) -> Row:
-    return qp_row(linear_program(data / "netlib" / f"{name}.mat"), eps)
-
-
-def contact_row(data: Path, name: str) -> Row:
-    return lcp_row(*data_sets.contact_lcp(data, name))
+    G = sp.csc_array(sp.vstack([G[above], -G[below]]))
+    h = np.concatenate([high[above], -low[below]])
+    P, A = sp.csc_array((c.size, c.size)), sp.csc_array(mat["A"])
+    return Problem(P, c, G, h, A, b, lb, ub)
 
 
 def family_row(name: str) -> Row:
@@ -235,7 +218,8 @@ def generated() -> Iterator[tuple[str, Suite]]:
         yield f"campaign-{kind}", Suite(names, partial(related_row, kind))
     classes = osqp_classes.CLASSES.items()
     names = [f"{kind} {size}" for kind, found in classes for size in found.sizes]
-    yield "classes", Suite(names, class_row)
+    load = lambda name: osqp_classes.generate(*name.rsplit(maxsplit=1))  # noqa: E731
+    yield "classes", Suite(names, partial(loaded_row, load, 1e-6))
     names = [
         f"{family} {n} {seed}"
         for families, sizes, seeds in FAMILIES.values()
@@ -243,7 +227,10 @@ def generated() -> Iterator[tuple[str, Suite]]:
         for n in sizes
         for seed in range(seeds)
     ]
-    yield "families", Suite(names, family_row)
+    yield (
+        "families",
+        Suite(names, family_row),
+    )
     names = [
         f"{example} {method} {alpha} {m}"
         for example, method, alpha in TABLES
@@ -256,22 +243,26 @@ def generated() -> Iterator[tuple[str, Suite]]:
 
 def collected(data: Path) -> Iterator[tuple[str, Suite]]:
     """Yield the suites of the data folder."""
+    load = partial(data_sets.load, data, "all")
     names = data_sets.set_names(data, "all")
     for eps in (1e-6, 1e-9):
-        yield f"maros-{eps:.0e}", Suite(names, partial(set_row, data, "all", eps))
+        yield f"maros-{eps:.0e}", Suite(names, partial(loaded_row, load, eps))
     for change in ("noise", "rows", "columns"):
-        yield f"maros-{change}", Suite(names, partial(changed_row, data, change))
-    names = data_sets.set_names(data, "mpc")
-    yield "mpc", Suite(names, partial(set_row, data, "mpc", 1e-6))
-    names = data_sets.set_names(data, "contact")
-    yield "contact-qp", Suite(names, partial(set_row, data, "contact", 1e-6))
-    yield "contact-lcp", Suite(names, partial(contact_row, data))
+        load = partial(benchmark.load_changed, data, change)
+        yield f"maros-{change}", Suite(names, partial(loaded_row, load, 1e-6))
+    for name, title in (("mpc", "mpc"), ("contact", "contact-qp")):
+        names = data_sets.set_names(data, name)
+        load = partial(data_sets.load, data, name)
+        yield title, Suite(names, partial(loaded_row, load, 1e-6))
+    scene = partial(data_sets.contact_lcp, data)
+    yield "contact-lcp", Suite(names, lambda name: lcp_row(*scene(name)))
     names = list(infeasible_cases.all_cases(data, 3))
     yield "infeasible", Suite(names, partial(infeasible_row, data))
     files = sorted((data / "netlib").glob("*/*.mat"))
     names = [f"{file.parent.name}/{file.stem}" for file in files]
+    load = partial(linear_program, data / "netlib")
     for eps in (1e-6, 1e-9):
-        yield f"netlib-{eps:.0e}", Suite(names, partial(netlib_row, data, eps))
+        yield f"netlib-{eps:.0e}", Suite(names, partial(loaded_row, load, eps))
     files = sorted((data / "general").glob("*.npz"))
     names = [file.stem for file in files]
     yield "general", Suite(names, partial(collected_row, data))

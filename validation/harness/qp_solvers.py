@@ -7,13 +7,12 @@ each solver has those with which it solves most; a comment says where that matte
 
 from typing import Any
 
-import numpy as np
 import qpsolvers
 import scipy.sparse as sp
 from qpsolvers import Problem, Solution
 
-from validation.harness.conic import solve_moreau
-from validation.harness.qps import parts, sparse
+from validation.harness.conic import solve_moreau, stacked, unstacked
+from validation.harness.qps import sparse
 
 SOLVERS = ("nam", "piqp", "daqp", "proxqp", "clarabel", "osqp", "moreau", "qtqp")
 
@@ -87,20 +86,14 @@ def solve(problem: Problem, solver: str, **settings: Any) -> Solution:
     bounded = problem.lb is not None or problem.ub is not None
     if solver != "highs" or not (alone and bounded):
         return qpsolvers.solve_problem(problem, solver=solver, **settings)
-    n = problem.q.size
-    *_, lb, ub = parts(problem)
-    up, low = np.flatnonzero(np.isfinite(ub)), np.flatnonzero(np.isfinite(lb))
-    eye = sp.eye(n, format="csr")
-    G, h = sp.vstack((eye[up], -eye[low])), np.append(ub[up], -lb[low])
-    dense = not sp.issparse(problem.P)
-    rows = Problem(problem.P, problem.q, G.toarray() if dense else sp.csc_matrix(G), h)
+    G, h, _ = stacked(problem)
+    form = sp.csc_matrix if sp.issparse(problem.P) else lambda G: G.toarray()
+    rows = Problem(problem.P, problem.q, form(G), h)
     found = qpsolvers.solve_problem(rows, solver=solver, **settings)
-    answer = Solution(problem, extras=found.extras, found=found.found, x=found.x)
-    answer.y = answer.z = np.empty(0)
-    if found.z is not None:
-        answer.z_box = np.zeros(n)
-        answer.z_box[up] += found.z[: up.size]
-        answer.z_box[low] -= found.z[up.size :]
+    if found.z is None:
+        return Solution(problem, extras=found.extras, found=found.found, x=found.x)
+    answer = unstacked(problem, found.x, found.z, found.found)
+    answer.extras = found.extras
     return answer
 
 

@@ -84,7 +84,7 @@ def measure(
 
 
 def load_class(_: Path, name: str, size: str) -> Problem:
-    return osqp_classes.generate(name, int(size))
+    return osqp_classes.generate(name, size)
 
 
 def load_changed(data: Path, kind: str, name: str) -> Problem:
@@ -131,7 +131,7 @@ def of_classes(args: Args) -> Iterator[Row]:
 
 def about_class(request: Row) -> Row:
     """Return the variables of a problem, and the entries of its matrices."""
-    problem = osqp_classes.generate(request["set"], int(request["problem"]))
+    problem = osqp_classes.generate(request["set"], request["problem"])
     return {"variables": problem.q.size, "entries": osqp_classes.entries(problem)}
 
 

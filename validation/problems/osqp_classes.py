@@ -189,8 +189,9 @@ CLASSES = {
 }
 
 
-def generate(name: str, size: int) -> Problem:
+def generate(name: str, size: int | str) -> Problem:
     """Return the problem of a class and size, the same in every run."""
+    size = int(size)
     return CLASSES[name].make(np.random.default_rng([*name.encode(), size]), size)
 
 
