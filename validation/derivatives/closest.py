@@ -20,9 +20,6 @@ proxqp      time of proxsuite with `primal_infeasibility_solving`, dense, n <= 4
             which shifts bounds as rows too
 excess      norm of its shifts over that of `soft`, minus 1
 said        what proxqp says
-
-The claim: shifts equal to those of one of the two solvers to 1e-8 and conditions to
-1e-9 on all, and three times the feasible time at most.
 """
 
 import importlib.util

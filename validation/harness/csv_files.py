@@ -53,10 +53,6 @@ class Growing:
     def key(self, row: Row) -> tuple[str, ...]:
         return tuple(str(row[name]) for name in self.keys)
 
-    def has(self, *about: Any) -> bool:
-        """Tell whether there is a row about these values of the keys."""
-        return tuple(map(str, about)) in self.known
-
     def add(self, row: Row) -> Row:
         self.write(row)
         self.rows.append(row)

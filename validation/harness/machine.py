@@ -91,9 +91,3 @@ def installed(
         else:
             print(f"{solver}: not installed, left out")
     return found
-
-
-def not_installed(wanted: Iterable[str], found: Iterable[str]) -> list[str]:
-    """Return the line of a CSV header that names who is missing, or none."""
-    missing = [solver for solver in wanted if solver not in found]
-    return [f"not installed: {', '.join(missing)}"] if missing else []

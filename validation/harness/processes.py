@@ -45,15 +45,10 @@ def raised(error: Exception) -> Row:
     return {"found": False} | failure(f"{type(error).__name__}: {error}")
 
 
-def silence() -> None:
-    """Discard the standard output of this process: some solvers print unasked."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-
-
 def serve(pipe: Connection, work: Work, solver: str, data: Any) -> None:
     """Answer requests, each after its time limit: what the child process does."""
     warnings.simplefilter("ignore")
-    silence()
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # some solvers print unasked
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     if solver == "nam":
         import namlcp  # noqa: F401  (makes it known to qpsolvers)

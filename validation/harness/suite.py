@@ -149,9 +149,10 @@ class Suite:
         """Measure what the file does not have yet; return MISSING if data are."""
         wanted = args.solvers
         args.solvers = machine.installed(wanted, self.packages)
+        missing = [solver for solver in wanted if solver not in args.solvers]
         header = cli.begin(
             [self.packages.get(solver, solver) for solver in args.solvers],
-            *machine.not_installed(wanted, args.solvers),
+            *([f"not installed: {', '.join(missing)}"] if missing else []),
             f"limit: {args.limit:g} s",
         )
         keys, columns = self.keys.split(), self.columns.split()

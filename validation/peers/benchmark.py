@@ -14,8 +14,7 @@ classes
     Those of the OSQP paper (`osqp_classes`), four sizes of each, from 10^3 to 10^6
     entries of P, G and A. A peer's time limit is ten times what namlcp took; what ran
     into the limit is not tried at a larger size of its class. Every problem has a
-    solution. The claim: all solved, time over that of the best peer at most 0.7 in the
-    geometric mean and 1.3 at worst.
+    solution.
 families
     Random QPs around a planted primal-dual solution (`planted`); the size comes from
     the seed as well. Like the next, no constants were tuned on them.

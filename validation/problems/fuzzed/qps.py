@@ -75,34 +75,26 @@ def ordinary(draw: Draw, P: np.ndarray, m: int, p: int) -> Truth:
     return planted(draw, P, draw.matrix(m, n), draw.matrix(p, n))[0], "solvable"
 
 
-def with_cost(draw: Draw, cost: Cost) -> Truth:
-    n, m, p = draw.sizes()
-    return ordinary(draw, cost(draw, n), m, p)
+def with_cost(
+    name: str, cost: Cost, truth: str = "solvable"
+) -> Callable[[Draw], Truth]:
+    """Return the class of QPs of any size with such a P."""
+
+    def made(draw: Draw) -> Truth:
+        n, m, p = draw.sizes()
+        return ordinary(draw, cost(draw, n), m, p)[0], truth
+
+    made.__name__ = name
+    return made
 
 
-def strictly_convex(draw: Draw) -> Truth:
-    """P = F F' + I."""
-    return with_cost(draw, definite)
-
-
-def semidefinite_cost(draw: Draw) -> Truth:
-    """P of any rank."""
-    return with_cost(draw, semidefinite)
-
-
-def linear_program(draw: Draw) -> Truth:
-    """P = 0."""
-    return with_cost(draw, linear)
-
-
-def condition_1e8(draw: Draw) -> Truth:
-    """P with eigenvalues from 1e-8 to 1."""
-    return with_cost(draw, ill_conditioned)
-
-
-def nearly_singular_cost(draw: Draw) -> Truth:
-    """P semidefinite plus 1e-12 to 1e-6 of its size."""
-    return with_cost(draw, nearly_singular)
+strictly_convex = with_cost("strictly_convex", definite)
+semidefinite_cost = with_cost("semidefinite_cost", semidefinite)
+linear_program = with_cost("linear_program", linear)
+condition_1e8 = with_cost("condition_1e8", ill_conditioned)
+nearly_singular_cost = with_cost("nearly_singular_cost", nearly_singular)
+diagonal_cost = with_cost("diagonal_cost", diagonal)
+not_convex = with_cost("not_convex", indefinite, "not convex")
 
 
 def bounds_alone(draw: Draw) -> Truth:
@@ -402,15 +394,3 @@ def rounded_cost(draw: Draw) -> Truth:
     draw.whole = False
     P = semidefinite(draw, n).astype(np.float32).astype(float)
     return ordinary(draw, P, m, p)[0], "near"
-
-
-def not_convex(draw: Draw) -> Truth:
-    """P indefinite."""
-    n, m, p = draw.sizes()
-    return ordinary(draw, indefinite(draw, n), m, p)[0], "not convex"
-
-
-def diagonal_cost(draw: Draw) -> Truth:
-    """P diagonal, with zeros."""
-    n, m, p = draw.sizes()
-    return ordinary(draw, diagonal(draw, n), m, p)
