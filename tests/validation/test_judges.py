@@ -12,7 +12,6 @@ from namlcp import Status, solve_qp
 from validation.derivatives import closest
 from validation.harness import qps
 from validation.oracles import agreement
-from validation.oracles.references import collection_row
 from validation.oracles.scenes import Scene, at_bounds
 from validation.oracles.solvers import Answer as Found
 from validation.oracles.solvers import nam
@@ -24,7 +23,6 @@ from validation.stress.campaign_closest import judge_closest
 from validation.stress.campaign_judge import judge_lcp
 from validation.stress.campaign_relations import RELATIONS, class_of, examine
 from validation.stress.campaign_relations import agreement as agreed
-from validation.stress.campaign_tally import Part
 
 ONE, NONE = np.ones(1), np.zeros(0)
 ROW = np.ones((1, 1))
@@ -56,7 +54,7 @@ def test_a_batch_has_an_argument_with_an_axis():
 
 @pytest.mark.parametrize(("seed", "index"), [(1, 24390), (3, 73554)])
 def test_extreme_scales_are_not_called_unbounded(seed, index):
-    found = campaign.problem_of(Part(seed, "every", "nam"), index, 1e-6, 10.0)
+    found = campaign.problem_of(campaign.Part(seed, "every", "nam"), index, 1e-6, 10.0)
     assert found["truth"] == "possible"
     assert found["outcome"] in ("right", "refused")
 
@@ -125,7 +123,7 @@ def test_oracles_agree_within_the_tolerance_or_say_why():
         assert why is None or row["why"].startswith(why)
     near = {"status": "solved", "objective": -2.0 + 1e-6, "residual": 1e-10}
     for change, agrees in (({}, True), ({"objective": -2.1}, False)):
-        row = collection_row("A", 3, (-2.0, "piqp", 1e-8), near | change)
+        row = agreement.collection_row("A", 3, (-2.0, "piqp", 1e-8), near | change)
         assert row["agrees"] == agrees
     lcp = known_scenes.torsion(50, 50)
     z = nam(lcp, 10.0).z

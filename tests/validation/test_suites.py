@@ -10,7 +10,7 @@ from validation import report
 from validation.__main__ import main
 from validation.harness import cli, csv_files, machine
 from validation.harness.suite import Late, Suite, limit_beside
-from validation.stress import campaign, campaign_tally
+from validation.stress import campaign
 
 
 @pytest.fixture
@@ -27,7 +27,7 @@ def test_a_stopped_campaign_goes_on(tmp_path, one_thread):
 
     def run(problems):
         campaign.main([*command, "--classes", "derivatives", "--problems", problems])
-        return campaign_tally.read(file)
+        return campaign.read(file)
 
     for problems in "334":
         before = file.read_text() if problems != "4" and file.exists() else None

@@ -18,7 +18,7 @@ import cvxpy as cp
 import numpy as np
 from scipy.linalg import solve_discrete_are
 
-from validation.applications.cvxpy_bench import REFERENCE, SOLVERS, judge
+from validation.applications.cvxpy_models import REFERENCE, SOLVERS, judge
 from validation.harness import Job, Row
 from validation.harness.suite import Args, Suite
 from validation.problems.models import decisions, statistics

@@ -74,15 +74,24 @@ def band_case(n: int, seed: int = 0) -> Data:
 
 
 def nam(data: Data) -> Pass:
-    """Return the passes of namlcp."""
+    """Return the passes of namlcp, of one QP or of a batch."""
     P, q, G, h, g = data
+    many = q.ndim > 1
 
-    def backward(result: namlcp.QPResult) -> tuple[Any, ...]:
-        result.kept = None  # nothing is kept from an earlier call
-        found = result.backward(dx=g)
+    def solve() -> Any:
+        if many:
+            return namlcp.solve_batch(P, q, G, h, threads=1)
+        return namlcp.solve_qp(P, q, G, h, derivative=True)
+
+    def backward(result: Any) -> tuple[Any, ...]:
+        if many:
+            found = result.backward(dx=g, threads=1)
+        else:
+            result.kept = None  # nothing is kept from an earlier call
+            found = result.backward(dx=g)
         return found.P, found.q, found.G, found.h
 
-    return lambda: namlcp.solve_qp(P, q, G, h, derivative=True), backward
+    return solve, backward
 
 
 def proxqp(data: Data) -> Pass:
@@ -110,16 +119,16 @@ def proxqp(data: Data) -> Pass:
 
 
 def qpth(data: Data) -> Pass:
+    """Return the passes of qpth, of one QP or of a batch."""
     import torch
     from qpth.qp import QPFunction
 
-    arrays = [torch.from_numpy(v).requires_grad_() for v in data[:4]]
-    function, none, g = QPFunction(verbose=-1, eps=1e-12), torch.Tensor(), data.g
+    *given, g = (torch.from_numpy(v) for v in data)
+    arrays = [v.requires_grad_() for v in given]
+    function, none = QPFunction(verbose=-1, eps=1e-12), torch.Tensor()
 
     def backward(x: Any) -> tuple[Any, ...]:
-        found = torch.autograd.grad(
-            x[0] @ torch.from_numpy(g), arrays, retain_graph=True
-        )
+        found = torch.autograd.grad((x * g).sum(), arrays, retain_graph=True)
         return tuple(v.numpy() for v in found)
 
     return lambda: function(*arrays, none, none), backward
@@ -260,52 +269,20 @@ def row_of(first: float, second: float, error: float, **more: float) -> Row:
 def batch_row(solver: str) -> Row:
     """Return the row of a batch: at once by ours and qpth, else a loop."""
     every = [dense_case(10, seed) for seed in range(BATCH)]
-    arrays = [np.stack(part) for part in zip(*every, strict=True)]
     exact = [np.stack(v) for v in zip(*map(reference, every), strict=True)]
-    if solver == "nam":
-        both = batch_nam(*arrays)
-    elif solver == "qpth":
-        both = batch_qpth(*arrays)
+    if solver in ("nam", "qpth"):
+        both = MAKERS[solver](Data(*map(np.stack, zip(*every, strict=True))))
     else:
         passes = [MAKERS[solver](data) for data in every]
-        both = (
-            lambda: [solve() for solve, _ in passes],
-            lambda states: stacked(
-                back(state) for (_, back), state in zip(passes, states, strict=True)
-            ),
-        )
+
+        def backward(states: list[Any]) -> tuple[Any, ...]:
+            pairs = zip(passes, states, strict=True)
+            found = [back(state) for (_, back), state in pairs]
+            return tuple(map(np.stack, zip(*found, strict=True)))
+
+        both = (lambda: [solve() for solve, _ in passes], backward)
     first, second, found = best_times(both)
     return row_of(first, second, error_of(found, exact))
-
-
-def stacked(found: Iterator[tuple[Any, ...]]) -> tuple[Any, ...]:
-    """Return the gradients of all items, copied, argument by argument."""
-    return tuple(np.stack(v) for v in zip(*found, strict=True))
-
-
-def batch_nam(
-    P: np.ndarray, q: np.ndarray, G: np.ndarray, h: np.ndarray, g: np.ndarray
-) -> Pass:
-    def backward(batch: namlcp.BatchResult) -> tuple[Any, ...]:
-        found = batch.backward(dx=g, threads=1)
-        return found.P, found.q, found.G, found.h
-
-    return lambda: namlcp.solve_batch(P, q, G, h, threads=1), backward
-
-
-def batch_qpth(*arrays: np.ndarray) -> Pass:
-    import torch
-    from qpth.qp import QPFunction
-
-    *data, g = (torch.from_numpy(v) for v in arrays)
-    data = [v.requires_grad_() for v in data]
-    function, none = QPFunction(verbose=-1, eps=1e-12), torch.Tensor()
-
-    def backward(x: Any) -> tuple[Any, ...]:
-        found = torch.autograd.grad((x * g).sum(), data, retain_graph=True)
-        return tuple(v.numpy() for v in found)
-
-    return lambda: function(*data, none, none), backward
 
 
 def obstacle_row(n: int, seconds: float = 20.0) -> Row:
