@@ -31,21 +31,13 @@ LIGHT = "#CFCFCF"
 METHODS = {
     "mgs": (PURPLE, "o"),
     "msor": (PURPLE, "s"),
-    "maor": (PURPLE, "^"),
-    "namj": (BLUE, "v"),
     "namgs": (BLUE, "o"),
     "namsor": (BLUE, "s"),
-    "namaor": (BLUE, "^"),
-    "amgs": (GREEN, "v"),
-    "amsor": (GREEN, "^"),
     "pgs": (GREEN, "o"),
-    "psor": (GREEN, "s"),
     "modulus": (DARK, "o"),
-    "nam": (DARK, "s"),
-    "modified-nam": (DARK, "^"),
     "lemke": (RED, "P"),
 }
-"""Colour and marker of every sweep method, and of Lemke's."""
+"""Colour and marker of the sweep methods that are drawn, and of Lemke's."""
 
 SOLVERS = {
     "nam": (BLUE, "o"),

@@ -1,10 +1,10 @@
 """The convergence theory at scale: is_h_plus by definition, its time; proofs by runs.
 
-definition: random matrices on both sides of rho(J) = 1, near the border included;
+h_plus-definition: random matrices on both sides of rho(J) = 1, near the border included;
     the truth is the construction (dense eigenvalues), and every witness is checked in
     rational arithmetic.
-time: n = 10^6, is_h_plus beside one sweep, one product and one multigrid solve.
-proofs: random matrices, methods and parameters; what `converges` proves must converge,
+h_plus: n = 10^6, is_h_plus beside one sweep, one product and one multigrid solve.
+convergence-proofs: random matrices, methods and parameters; what `converges` proves must converge,
     what it refutes must not.
 """
 
@@ -26,10 +26,6 @@ from namlcp.lcp.modulus.sweeps import step_of
 from validation.harness import Row, cli, csv_files, timing
 from validation.problems import sweep_scenes
 
-FILES = {
-    "definition": "h_plus-definition", "time": "h_plus",
-    "proofs": "convergence-proofs",
-}  # fmt: skip
 DISTANCES = (0.5, 1e-2, 1e-4, 1e-6, 1e-8, 1e-9, 2e-10, 1e-11, 1e-12, 1e-14)
 
 
@@ -197,26 +193,21 @@ def proof_rows(count: int) -> Iterator[Row]:
         yield row | {"did_not": seen["fled"], "undecided": seen["None"]}
 
 
+PARTS: dict[str, Callable[[], Iterator[Row]]] = {
+    "h_plus-definition": partial(definition_rows, 60),
+    "h_plus": partial(time_rows, 1000),
+    "convergence-proofs": partial(proof_rows, 1500),
+}
+"""The rows of each file."""
+
+
 def main(arguments: list[str] | None = None) -> int:
-    parser = cli.parser(__doc__, "quick", "results")
-    parser.add_argument("parts", nargs="*", metavar="part", help=", ".join(FILES))
+    parser = cli.parser(__doc__, "results")
+    parser.add_argument("parts", nargs="*", choices=list(PARTS), help="default: all")
     args = parser.parse_args(arguments)
-    unknown = set(args.parts) - set(FILES)
-    if unknown:
-        parser.error(f"unknown part {sorted(unknown)[0]!r}, known: {', '.join(FILES)}")
     header = cli.begin(["pyamg"])
-    quick = args.quick
-    calls: dict[str, Callable[[], Iterator[Row]]] = {
-        "definition": lambda: definition_rows(5 if quick else 60),
-        "time": lambda: time_rows(200 if quick else 1000),
-        "proofs": lambda: proof_rows(100 if quick else 1500),
-    }
-    for part in args.parts or FILES:
-        print(f"\n{part}", flush=True)
-        rows = []
-        for row in calls[part]():
-            print("  ".join(f"{key} {value}" for key, value in row.items()), flush=True)
-            rows.append(row)
-        if not quick:
-            csv_files.write(args.results / f"{FILES[part]}.csv", header, rows)
+    for part in args.parts or PARTS:
+        print(part, flush=True)
+        rows = list(PARTS[part]())
+        csv_files.write(args.results / f"{part}.csv", header, rows)
     return 0

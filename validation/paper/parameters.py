@@ -8,7 +8,6 @@ auto_sweeps / grid_sweeps leaves out and `ratio_with_products` counts. The wante
 is 1.3 at most; "none" in grid_sweeps: no point of the grid converges.
 
 parameters.csv has scenes that were fixed on 2026-11-21, before any choice was tuned.
---quick takes smaller scenes and a coarse grid.
 
 maor and namaor have beta = 1 (without a beta they are msor and namsor), "nam" and
 "modified-nam" E = D, and "modified-nam" alpha = c times the geometric mean of D.
@@ -18,7 +17,6 @@ import itertools
 import math
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -42,23 +40,13 @@ SHOWN = (
 )
 
 
-class Effort(NamedTuple):
-    """Size of the scenes, the grid, and the sweeps (factored: steps) of a run."""
-
-    m: int
-    alphas: tuple[float, ...]
-    cs: tuple[float, ...]
-    cap: int
-    factored_cap: int
-
-
+M = 40  # nodes on a side of the scenes
+ALPHAS = (*(0.1 * k for k in range(2, 20)), 1.95)
 CS = (0.001, 0.003, *np.geomspace(0.01, 10.0, 25))
-FULL = Effort(40, (*(0.1 * k for k in range(2, 20)), 1.95), CS, 5000, 1000)
-FEW = (0.4, 0.7, 1.0, 1.3, 1.6, 1.9)
-QUICK = Effort(20, FEW, (*np.geomspace(0.01, 10.0, 10),), 1000, 300)
+CAP, FACTORED_CAP = 5000, 1000  # sweeps, and steps of a factored method
 
 
-def scenes(data: Path, m: int) -> list[sweep_scenes.Scene]:
+def scenes(data: Path, m: int = M) -> list[sweep_scenes.Scene]:
     cases = itertools.product((1, 2), (m,), DELTAS)
     found = [*itertools.starmap(sweep_scenes.paper_example, cases)]
     found.append(sweep_scenes.halfline("obstacle", *forced_obstacle(m)))
@@ -101,11 +89,11 @@ def beta_of(method: str) -> float | None:
     return BETA if "beta" in SWEEPS[method].takes else None
 
 
-def points(method: str, effort: Effort) -> Iterator[tuple[float | None, float]]:
+def points(method: str) -> Iterator[tuple[float | None, float]]:
     """Yield (alpha, c), from the middle of the grid outwards."""
     takes = SWEEPS[method].takes
-    alphas: tuple[float | None, ...] = effort.alphas if "alpha" in takes else (None,)
-    cs = effort.cs if "omega" in takes else (math.nan,)
+    alphas: tuple[float | None, ...] = ALPHAS if "alpha" in takes else (None,)
+    cs = CS if "omega" in takes else (math.nan,)
     if method == "modified-nam":
         alphas = (1.0,)  # only the product of the two counts
     for c in sorted(cs, key=lambda c: abs(math.log(c)) if c == c else 0.0):
@@ -113,12 +101,12 @@ def points(method: str, effort: Effort) -> Iterator[tuple[float | None, float]]:
             yield alpha, c
 
 
-def compare(scene: sweep_scenes.Scene, method: str, effort: Effort) -> Row:
+def compare(scene: sweep_scenes.Scene, method: str) -> Row:
     """Return the best point of the grid and the choice of the package."""
     run, chosen = Run(scene), SWEEPS[method]
-    cap = effort.factored_cap if chosen.factored else effort.cap
+    cap = FACTORED_CAP if chosen.factored else CAP
     best, where = math.inf, (None, math.nan)
-    for point in points(method, effort):
+    for point in points(method):
         limit = int(min(cap, best - 1))
         count = run.sweeps(run.step(method, *point), limit)
         if count < best:
@@ -146,16 +134,13 @@ def shown(sweeps: float) -> float | str:
 
 @cli.needs_data
 def main(arguments: list[str] | None = None) -> int:
-    parser = cli.parser(__doc__, "quick", data=..., results=None)
+    parser = cli.parser(__doc__, "results", data=...)
     args = parser.parse_args(arguments)
-    effort = QUICK if args.quick else FULL
     header, rows = cli.begin(), []
     tables.print_rows([], SHOWN)
-    for scene in scenes(args.data, effort.m):
+    for scene in scenes(args.data):
         for method in (name for name, sweep in SWEEPS.items() if sweep.takes):
-            rows.append(compare(scene, method, effort))
+            rows.append(compare(scene, method))
             tables.print_row(rows[-1], SHOWN)
-    folder = args.results or (None if args.quick else cli.RESULTS)
-    if folder is not None:
-        csv_files.write(folder / "parameters.csv", header, rows)
+    csv_files.write(args.results / "parameters.csv", header, rows)
     return 0

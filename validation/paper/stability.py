@@ -10,7 +10,7 @@ run
 plot
     The figures of both.
 
-Without a subcommand: both. --quick takes fewer cells and sweeps.
+Without a subcommand: both.
 
 mgs, namgs and amgs are msor, namsor and amsor at alpha = 1; namj is namaor at alpha = 1
 with beta = 0; psor is amsor at c = 1/alpha and pgs the point (1, 1) of that: one map
@@ -31,8 +31,7 @@ from validation.paper import stability_figures
 from validation.problems import sweep_scenes
 
 EPS = 1e-6  # of Res(z_0)
-CAP = {False: 2000, True: 500}  # sweeps at most, by --quick
-FACTORED_CAP = {False: 1000, True: 500}  # the same for sweeps with a factorisation
+CAP, FACTORED_CAP = 2000, 1000  # sweeps at most, and those with a factorisation
 GROWN = 1e3  # Res / Res(z_0) that is divergence and no cycle
 STEADY = 20.0  # | slope of log Res | / its standard error, over the second half
 
@@ -120,23 +119,23 @@ def key(name: str, chart: Map) -> Row:
     return {"class": name, "method": chart.method, "shift": shift, "axes": chart.axes}
 
 
-def class_rows(quick: bool) -> Iterator[Row]:
+def class_rows() -> Iterator[Row]:
     """Yield a row for each class, method and c with a column for each alpha."""
-    alphas = np.linspace(0.1, 1.9, 7 if quick else 19)
-    powers = np.linspace(-5.0, 4.0, 7 if quick else 19)
-    strip = np.linspace(-8.0, 8.0, 9 if quick else 33)
-    line = np.linspace(0.05, 1.95, 9 if quick else 33)
+    alphas = np.linspace(0.1, 1.9, 19)
+    powers = np.linspace(-5.0, 4.0, 19)
+    strip = np.linspace(-8.0, 8.0, 33)
+    line = np.linspace(0.05, 1.95, 33)
     for scene in sweep_scenes.problem_classes():
         for chart in MAPS:
             for c in 2.0 ** powers[::-1]:
                 row = key(scene.name, chart) | {"c": c}
                 for alpha in alphas:
                     given = parameters(scene, chart, alpha, c)
-                    cell = outcome(scene, chart.method, CAP[quick], **given)
+                    cell = outcome(scene, chart.method, CAP, **given)
                     row[f"{alpha:.2f}"] = cell
                 yield row
         for chart in STRIPS:
-            cap = CAP[quick] if chart.axes == "alpha" else FACTORED_CAP[quick]
+            cap = CAP if chart.axes == "alpha" else FACTORED_CAP
             for x in line if chart.axes == "alpha" else 2.0**strip:
                 given = parameters(scene, chart, x, x)
                 cell = outcome(scene, chart.method, cap, **given)
@@ -144,7 +143,7 @@ def class_rows(quick: bool) -> Iterator[Row]:
         print(scene.name, flush=True)
 
 
-def unit_rows(quick: bool) -> Iterator[Row]:
+def unit_rows() -> Iterator[Row]:
     """Yield a row for each method and delta with a column for each unit.
 
     A and q are multiplied by the unit; the tolerance is relative, so that nothing
@@ -153,27 +152,27 @@ def unit_rows(quick: bool) -> Iterator[Row]:
     for chart, delta in itertools.product(UNITS, DELTAS):
         base = sweep_scenes.paper_example(1, 20, delta)
         row = key("Example 1", chart) | {"delta": delta}
-        for exponent in np.arange(-6, 7, 2 if quick else 1):
+        for exponent in np.arange(-6, 7):
             unit = 10.0 ** float(exponent)
             scene = base._replace(A=unit * base.A, q=unit * base.q)
             given = parameters(scene, chart._replace(axes=""), 0.0, 0.0)
             if "alpha" in SWEEPS[chart.method].takes:
                 given["alpha"] = ALPHAS.get(chart.method, ALPHA)
-            row[f"{exponent:d}"] = outcome(scene, chart.method, CAP[quick], **given)
+            row[f"{exponent:d}"] = outcome(scene, chart.method, CAP, **given)
         yield row
 
 
 def main(arguments: list[str] | None = None) -> int:
-    parser = cli.parser(__doc__, "quick", "results", "figures")
+    parser = cli.parser(__doc__, "results", "figures")
     parser.add_argument("part", nargs="?", choices=("run", "plot"))
     args = parser.parse_args(arguments)
     if args.part in (None, "run"):
-        header = cli.begin([], f"cells: {CAP[args.quick]} sweeps at most")
-        rows = list(class_rows(args.quick))
+        header = cli.begin([], f"cells: {CAP} sweeps at most")
+        rows = list(class_rows())
         names = dict.fromkeys(itertools.chain.from_iterable(rows), "")
         rows = [names | row for row in rows]
         csv_files.write(args.results / "stability.csv", header, rows)
-        rows = list(unit_rows(args.quick))
+        rows = list(unit_rows())
         csv_files.write(args.results / "stability-units.csv", header, rows)
     if args.part in (None, "plot"):
         stability_figures.plot(args.results, args.figures)

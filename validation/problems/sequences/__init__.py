@@ -5,13 +5,15 @@ LEVELS, which says how far the active set moves from a step to the next.
 """
 
 from validation.problems.sequences.control import (
+    LEVELS,
+    Scene,
+    Sequence,
     condensed,
     single,
     stagewise,
     stagewise_definite,
 )
 from validation.problems.sequences.scenes import penalty_path, rebalancing, shaken_heap
-from validation.problems.sequences.sequence import LEVELS, Scene, Sequence
 
 SCENES = {
     "condensed MPC": Scene(condensed, (5, 10, 25), "stages"),

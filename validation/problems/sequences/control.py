@@ -11,13 +11,41 @@ of the example "Model predictive control (MPC)" in OSQP's documentation: 12 stat
 
 import itertools
 from collections.abc import Callable, Generator
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
 from qpsolvers import Problem
 
 from validation.harness import qps
-from validation.problems.sequences.sequence import LEVELS, Sequence, Steps, Vectors
+
+LEVELS = ("stays", "moves a little", "moves a lot")
+"""What the active set does between steps."""
+
+Vectors = dict[str, np.ndarray]
+"""New values of some of q, h, b, lb and ub."""
+
+Steps = Generator[Vectors, np.ndarray | None, None]
+"""Yields what changes; is sent the solution, None where there is none."""
+
+
+class Sequence(NamedTuple):
+    """The first problem, and a loop that changes its vectors.
+
+    A loop that is sent None has asked for what is impossible, and asks for less.
+    """
+
+    problem: Problem
+    steps: Steps
+
+
+class Scene(NamedTuple):
+    """make(size, level) for each of `sizes`, and what a size counts."""
+
+    make: Callable[[int, str], Sequence]
+    sizes: tuple[int, ...]
+    unit: str
+
 
 State = tuple[np.ndarray, np.ndarray]
 """The measured and the wanted state."""

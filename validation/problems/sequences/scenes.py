@@ -29,7 +29,7 @@ import scipy.sparse as sp
 from qpsolvers import Problem
 
 from validation.problems.contact_scenes import heap_of_discs
-from validation.problems.sequences.sequence import LEVELS, Sequence, Steps
+from validation.problems.sequences.control import LEVELS, Sequence, Steps
 
 KICK = dict(zip(LEVELS, (0.01, 0.1, 1.0), strict=True))
 """Standard deviation of random changes of the velocities, over dt g."""
