@@ -1,11 +1,14 @@
 """The convergence theory at scale: is_h_plus by definition, its time; proofs by runs.
 
-h_plus-definition: random matrices on both sides of rho(J) = 1, near the border included;
-    the truth is the construction (dense eigenvalues), and every witness is checked in
-    rational arithmetic.
-h_plus: n = 10^6, is_h_plus beside one sweep, one product and one multigrid solve.
-convergence-proofs: random matrices, methods and parameters; what `converges` proves must converge,
-    what it refutes must not.
+h_plus-definition
+    Random matrices on both sides of rho(J) = 1, near the border included; the truth is
+    the construction (dense eigenvalues), and every witness is checked in rational
+    arithmetic.
+h_plus
+    n = 10^6, is_h_plus beside one sweep, one product and one multigrid solve.
+convergence-proofs
+    Random matrices, methods and parameters; what `converges` proves must converge, what
+    it refutes must not.
 """
 
 import itertools
