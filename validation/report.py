@@ -138,15 +138,6 @@ def stamp(commands: list[str]) -> str:
     return found.hexdigest()
 
 
-def stamp_files(job: Job, out: Path) -> list[Path]:
-    return [out / "stamps" / name for name in job.files.split()]
-
-
-def is_done(job: Job, now: str, out: Path) -> bool:
-    marks = stamp_files(job, out)
-    return all(file.exists() and file.read_text() == now for file in marks)
-
-
 def begin(job: Job, now: str, out: Path) -> None:
     """Clear the files of a job that grows, unless a run with this stamp began them."""
     for name in job.files.split() if job.grows else ():
@@ -160,7 +151,8 @@ def run(job: Job, data: Path, out: Path, quick: bool, again: bool) -> str:
     """Make the files of a job if they are out of date; return what is wrong."""
     lines = job.lines(quick)
     now = stamp(lines)
-    if not again and is_done(job, now, out):
+    marks = [out / "stamps" / name for name in job.files.split()]
+    if not again and all(mark.exists() and mark.read_text() == now for mark in marks):
         return ""
     begin(job, now, out)
     paths = {"data": data, "results": out / "results", "figures": out / "figures"}
@@ -176,8 +168,8 @@ def run(job: Job, data: Path, out: Path, quick: bool, again: bool) -> str:
                 return "data are missing"
             if code:
                 return f"{script} ended with {code}, see {log.name}"
-    for file in stamp_files(job, out):
-        file.write_text(now)
+    for mark in marks:
+        mark.write_text(now)
     return ""
 
 

@@ -16,6 +16,7 @@ The CSV grows seed by seed, so that one cut short has all families and sizes.
 
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -26,8 +27,10 @@ from validation.harness.suite import Args, Late, Suite
 from validation.problems.general import families
 
 FRICTION_SIZES = (80, 200, 500, 1000, 2000, 6000)
+SIZES = dict.fromkeys(families.FRICTION, FRICTION_SIZES) | {
+    "games": (4, 10, 40, 140, 400)
+}
 OTHER_SIZES = (10, 20, 50, 100, 200)
-GAME_SIZES = (4, 10, 40, 140, 400)
 QUICK = 2  # sizes of each family, and seeds, with --quick
 RATIO = 1e4  # mass ratio of every third seed of a family with friction
 DENSE = 600  # unknowns up to which dense methods are asked
@@ -38,12 +41,6 @@ LATE = frozenset({"timeout", "time_limit"})
 EPS = 1e-9  # times max |q_i|
 Answer = tuple[str, np.ndarray | None]
 """What a solver says, and z."""
-
-
-def sizes_of(family: str) -> tuple[int, ...]:
-    if family in families.FRICTION:
-        return FRICTION_SIZES
-    return GAME_SIZES if family == "games" else OTHER_SIZES
 
 
 def make(family: str, n: int, seed: int) -> families.Problem:
@@ -68,10 +65,6 @@ def by_nam(A: Any, q: np.ndarray, limit: float, method: str = "auto") -> Answer:
     return result.status.value, result.z
 
 
-def by_lemke(A: Any, q: np.ndarray, limit: float) -> Answer:
-    return by_nam(A, q, limit, "lemke")
-
-
 def by_quantecon(A: Any, q: np.ndarray, limit: float) -> Answer:
     from quantecon.optimize import lcp_lemke
 
@@ -92,7 +85,7 @@ def by_daqp(A: Any, q: np.ndarray, limit: float) -> Answer:
 
 ASK: dict[str, Callable[[Any, np.ndarray, float], Answer]] = {
     "nam": by_nam,
-    "lemke": by_lemke,
+    "lemke": partial(by_nam, method="lemke"),
     "quantecon": by_quantecon,
     "daqp": by_daqp,
 }
@@ -124,7 +117,8 @@ def work(job: Job, family: str, n: int, seed: int) -> Row:
 def requests(args: Args) -> Iterator[Row]:
     for seed in range(QUICK if args.quick else SEEDS):
         for family in families.FAMILIES:
-            for n in sizes_of(family)[: QUICK if args.quick else None]:
+            sizes = SIZES.get(family, OTHER_SIZES)
+            for n in sizes[: QUICK if args.quick else None]:
                 if n <= DENSE or seed < FEW:
                     for solver in args.solvers if n <= DENSE else ["nam"]:
                         yield {"family": family, "n": n, "seed": seed, "solver": solver}

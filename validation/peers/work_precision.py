@@ -96,18 +96,6 @@ def judged(
     return answer.z, {"residual": residual, "status": answer.status.value}
 
 
-def loading_tasks(task: families.Task, solver: str) -> Iterator[families.Task]:
-    """Yield tasks that load, and once compile, what this one will need.
-
-    Tiny ones of its kind; for our own solver, whose choice of a method depends on the
-    size, the task itself too.
-    """
-    for tiny in qps.tiny_problems(task.problem):
-        yield families.Task(tiny)
-    if solver in OURS:
-        yield task
-
-
 @cache
 def known_families(data: Path | None) -> dict[str, families.Family]:
     """Return the families, made once in a process."""
@@ -127,7 +115,9 @@ def measure(job: Job, family: str, name: str, eps: float) -> Row:
     n = task.problem.q.size
     if job.solver in DENSE and n > DENSE_MOST:
         return {"n": n} | processes.failure(f"too slow: dense, n > {DENSE_MOST}")
-    for other in loading_tasks(task, job.solver):
+    # tiny ones of its kind load what is needed; ours chooses a method by the size, too
+    tiny = [families.Task(problem) for problem in qps.tiny_problems(task.problem)]
+    for other in [*tiny, task] if job.solver in OURS else tiny:
         try:
             solver_call(other, job.solver, eps, job.limit)()
         except Exception:  # what the solver refuses cannot warm it up

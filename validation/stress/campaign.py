@@ -68,10 +68,6 @@ class Part(NamedTuple):
     set: str
     solver: str
 
-    def __str__(self) -> str:
-        """Name it in a line of progress."""
-        return f"{self.solver}, {self.set}, seed {self.seed}"
-
 
 class Tally:
     """The counts of a campaign, kept in a CSV.
@@ -163,18 +159,13 @@ def examine(case: cases.Case, solver: str, eps: float, limit: float) -> Row:
     return {"truth": truth, "outcome": outcome, "why": why, "time": seconds}
 
 
-def related(seed: int, i: int, name: str) -> Row:
-    """Return what comes of asking in two ways: the same columns."""
-    start = time.perf_counter()
-    outcome, why = relations.examine(seed, i, name)
-    seconds = time.perf_counter() - start
-    return {"truth": "related", "outcome": outcome, "why": why, "time": seconds}
-
-
 def problem_of(part: Part, i: int, eps: float, limit: float) -> Row:
     """Return what a solver makes of problem i of a set and a seed."""
     if part.set in relations.RELATIONS:
-        return related(part.seed, i, part.set)
+        start = time.perf_counter()
+        outcome, why = relations.examine(part.seed, i, part.set)
+        found = {"truth": "related", "outcome": outcome, "why": why}
+        return found | {"time": time.perf_counter() - start}
     return examine(cases.make(part.seed, i, part.set), part.solver, eps, limit)
 
 
@@ -213,14 +204,6 @@ def class_of(i: int, name: str) -> str:
     return of(i, name)
 
 
-def is_asked(part: Part, i: int) -> bool:
-    """Tell whether a solver is asked problem i."""
-    if part.solver == "nam":
-        return True
-    asked = cases.is_definite if part.solver == "quadprog" else cases.is_convex
-    return asked(i, part.set)
-
-
 def parts(args: argparse.Namespace) -> list[Part]:
     """Return what is to be run, in order: the peers have one seed of one set."""
     solvers = machine.installed(args.solvers)
@@ -252,10 +235,11 @@ def run(args: argparse.Namespace) -> int:
 
 
 def run_part(part: Part, tally: Tally, args: argparse.Namespace) -> None:
+    suited = cases.DEFINITE if part.solver == "quadprog" else cases.CONVEX
     with CampaignBench(work, part.solver, args.limit, part) as child:
         began = time.perf_counter()
         for i in range(tally.done[part], args.problems):
-            if is_asked(part, i):
+            if part.solver == "nam" or cases.kind_of(i, part.set) in suited:
                 tally.add(part, i, child.examine(i, args.eps))
             if (i + 1) % BATCH == 0 or i + 1 == args.problems:
                 tally.done[part] = i + 1

@@ -81,16 +81,6 @@ def group_of(i: int, cycle: str = "every") -> str:
     return f"{'LCP' if is_lcp else 'QP'} {kind.__name__.replace('_', ' ')}"
 
 
-def is_convex(i: int, cycle: str = "every") -> bool:
-    """Tell whether peers are asked problem i."""
-    return kind_of(i, cycle) in CONVEX
-
-
-def is_definite(i: int, cycle: str = "every") -> bool:
-    """Tell whether P of problem i is definite."""
-    return kind_of(i, cycle) in DEFINITE
-
-
 def make(seed: int, i: int, cycle: str = "every") -> Case:
     rng = np.random.default_rng([seed, i])
     draw = Draw(rng)
