@@ -107,14 +107,14 @@ JOBS = (
     suite("oracles", "oracles.agreement", 10.0, 1.0, data=True),
     suite("hertz", "applications.hertz", 1.0),
     suite("american-put", "applications.american_put", 0.2),
-    Job("paper-tables paper-methods", """
+    Job("paper-tables", """
         paper.tables --results {results} --figures {figures}
-        """, 4.0),
+        """, 0.5),
     Job("paper-large", "paper.tables large --results {results}", 2.0),
     Job("stability stability-units", """
         paper.stability --results {results} --figures {figures}
         """, 4.0),
-    Job("parameters", "paper.parameters --data {data} --results {results}", 4.0),
+    suite("parameters", "paper.parameters", 4.0, data=True),
     Job("h_plus h_plus-definition convergence-proofs", """
         paper.h_plus --results {results}
         """, 2.0),

@@ -29,7 +29,6 @@ import namlcp
 from validation.general.benchmark import make
 from validation.harness import Row
 from validation.paper import tables
-from validation.paper.printed import TABLES
 from validation.peers import benchmark
 from validation.problems import data_sets, infeasible_cases, osqp_classes, sweep_scenes
 from validation.problems.fuzzed import cases
@@ -233,7 +232,7 @@ def generated() -> Iterator[tuple[str, Suite]]:
     )
     names = [
         f"{example} {method} {alpha} {m}"
-        for example, method, alpha in TABLES
+        for example, method, alpha in tables.TABLES
         for m in tables.SIZES
     ]
     yield "paper", Suite(names, printed_row)

@@ -1,14 +1,12 @@
 """What the command lines of all scripts have in common."""
 
 import argparse
-import functools
 import os
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from validation.harness.data_folder import MissingDataError
 from validation.harness.machine import THREADS, lines
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -61,17 +59,3 @@ def begin(solvers: Iterable[str] = (), *more: str) -> list[str]:
 def script(name: str, *arguments: str) -> list[str]:
     """Return the command of a script, "room.script", to be run in the folder ROOT."""
     return [sys.executable, "-u", "-m", "validation", name, *arguments]
-
-
-def needs_data(main: Callable[..., int]) -> Callable[..., int]:
-    """Let a main function return MISSING where the data folder lacks something."""
-
-    @functools.wraps(main)
-    def careful(arguments: list[str] | None = None) -> int:
-        try:
-            return main(arguments)
-        except MissingDataError as error:
-            print(f"{error}; --data must be the data folder of validation/README.md")
-            return MISSING
-
-    return careful

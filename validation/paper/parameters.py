@@ -27,17 +27,14 @@ from namlcp.lcp.modulus.methods import Step
 from namlcp.lcp.modulus.sweeps import iterate, step_of
 from namlcp.limits import Limits
 from namlcp.scenes import forced_obstacle
-from validation.harness import Row, cli, csv_files, tables
+from validation.harness import Job, Row
+from validation.harness.suite import Args, Suite
 from validation.problems import sweep_scenes
 
 EPS_REL = 1e-6  # of Res(0)
 WANTED = 1.3  # sweeps over those of the best point, at most
 BETA = 1.0  # of maor and namaor
 DELTAS = (4.0, 1.0, 0.0)
-SHOWN = (
-    "scene:32 method:12 grid_sweeps:11 grid_alpha grid_c auto_sweeps:11 auto_alpha "
-    "auto_c ratio within"
-)
 
 
 M = 40  # nodes on a side of the scenes
@@ -116,7 +113,7 @@ def compare(scene: sweep_scenes.Scene, method: str) -> Row:
     given = Parameters(alpha, beta_of(method), None if fixed else "auto")
     step = AdaptiveStep(run.lcp, method, given)
     auto, products = run.sweeps(step, cap), step.spectrum.products
-    row: Row = {"scene": scene.name, "n": scene.q.size, "method": method}
+    row: Row = {"n": scene.q.size}
     row |= {"grid_alpha": where[0], "grid_c": where[1], "grid_sweeps": shown(best)}
     row |= {"auto_alpha": step.alpha if alpha else None}
     row |= {"auto_c": float(np.mean(step.omega / run.D)), "auto_sweeps": shown(auto)}
@@ -132,15 +129,27 @@ def shown(sweeps: float) -> float | str:
     return "none" if sweeps == math.inf else sweeps
 
 
-@cli.needs_data
-def main(arguments: list[str] | None = None) -> int:
-    parser = cli.parser(__doc__, "results", data=...)
-    args = parser.parse_args(arguments)
-    header, rows = cli.begin(), []
-    tables.print_rows([], SHOWN)
+def work(_: Job, scene: sweep_scenes.Scene, method: str) -> Row:
+    return compare(scene, method)
+
+
+def requests(args: Args) -> Iterator[Row]:
     for scene in scenes(args.data):
         for method in (name for name, sweep in SWEEPS.items() if sweep.takes):
-            rows.append(compare(scene, method))
-            tables.print_row(rows[-1], SHOWN)
-    csv_files.write(args.results / "parameters.csv", header, rows)
-    return 0
+            ask = lambda pair=(scene, method): pair  # noqa: E731
+            yield {"scene": scene.name, "method": method, "ask": ask}
+
+
+SUITE = Suite(
+    name="parameters",
+    doc=__doc__,
+    requests=requests,
+    work=work,
+    columns=(
+        "scene n method grid_alpha grid_c grid_sweeps auto_alpha auto_c auto_sweeps "
+        "products ratio ratio_with_products within"
+    ),
+    keys="scene method",
+    limit=3600.0,
+    needs_data=True,
+)

@@ -2,12 +2,10 @@
 
 run
     paper-tables.csv: the 48 printed runs (delta = 4), iterations and Res beside the
-    printed ones. paper-methods.csv: the same problems, and delta = 1 and 0, by every
-    method of the package: as the paper has it or with the parameters that need the
-    fewest sweeps ("tuned": a pattern search at every size). Times are of whole calls
-    of `solve_lcp` with a sparse matrix: median and quartiles.
+    printed ones. Times are of whole calls of `solve_lcp` with a sparse matrix: median
+    and quartiles.
 plot
-    The figures of both.
+    The figure of it.
 large
     paper-large.csv: sizes that the paper does not have, up to n = 10^6, beside a plain
     transcription of the matrix formula.
@@ -17,24 +15,49 @@ D/(2 alpha^2) all printed counts come out.
 """
 
 import itertools
-import multiprocessing as mp
 import time
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+from matplotlib import pyplot as plt
+from matplotlib.axes import Axes
 from scipy.sparse.linalg import splu
 
 from namlcp import LCPResult, solve_lcp
-from validation.harness import Row, cli, csv_files
-from validation.paper import figures
-from validation.paper.printed import EPS, SIZES, TABLES
-from validation.paper.variants import VARIANTS, arguments, best_values
+from validation.harness import Row, charts, cli, csv_files, tables
 from validation.problems import sweep_scenes
 
-DELTAS = (4.0, 1.0, 0.0)
+EPS = 1e-5
+"""Res at which a run ends."""
+
+SIZES = (10, 30, 50, 60, 80, 100)
+"""m, with n = m^2."""
+
+PRINTED = """
+1 mgs    -    | 36 40 41 41 42 42 | 97 80 79 89 74 84 | .0039 .0293 .2699 .6400 2.0785 4.5712
+1 namgs  -    | 16 17 17 17 18 18 | 63 63 85 95 45 51 | .0024 .0146 .1089 .2688 .8179 2.0175
+1 msor   0.85 | 15 17 18 18 18 19 | 95 76 53 65 89 43 | .0034 .0141 .1201 .2903 .7826 2.0791
+1 namsor 0.91 | 12 12 13 13 13 13 | 27 76 32 37 48 59 | .0028 .0116 .0905 .2017 .6467 2.1918
+2 mgs    -    | 24 26 26 26 27 27 | 90 65 87 96 65 73 | .0034 .0208 .1707 .3961 1.1542 2.9471
+2 namgs  -    | 12 12 13 13 13 13 | 38 84 31 35 44 53 | .0026 .0141 .0837 .1998 .2987 1.4461
+2 msor   0.88 | 14 14 15 15 15 15 | 38 82 41 46 55 63 | .0029 .0123 .1040 .2505 .6543 1.6363
+2 namsor 0.88 |  8  9  9  9  9  9 | 22 15 27 37 46 59 | .0022 .0096 .0655 .1409 .0441 1.7340
+"""  # noqa: E501
+"""example, method, alpha | IT | Res in units of 1e-7 | CPU [s]; misprints included."""
+
+Key = tuple[int, str, float | None]
+TABLES: dict[Key, tuple[tuple[float, ...], ...]] = {}
+for line in PRINTED.strip().splitlines():
+    key, counts, *columns = line.split("|")
+    example, method, alpha = key.split()
+    entries = [tuple(map(float, column.split())) for column in columns]
+    name = int(example), method, None if alpha == "-" else float(alpha)
+    TABLES[name] = (tuple(map(int, counts.split())), *entries)
+
+NAMES = {"mgs": "MGS", "namgs": "NAMGS", "msor": "MSOR", "namsor": "NAMSOR"}
 HELD_OUT = (20, 70, 120, 316, 1000)  # m
 REPEATS, REPEAT_TIME = 15, 0.3  # calls, [s]: repeat until either is reached
 
@@ -87,25 +110,6 @@ def table_rows() -> Iterator[Row]:
             )
 
 
-def method_rows(jobs: int) -> Iterator[Row]:
-    """Yield every variant on every problem; see `variants`.
-
-    `jobs` processes search for the parameters; the runs are timed in this one.
-    """
-    cases = list(itertools.product((1, 2), DELTAS, VARIANTS))
-    with ProcessPoolExecutor(jobs, mp.get_context("spawn")) as pool:
-        found = list(pool.map(best_values, *zip(*cases, strict=True)))
-    for (example, delta, variant), best in zip(cases, found, strict=True):
-        for m, values in zip(SIZES, best, strict=True):
-            scene = sweep_scenes.paper_example(example, m, delta)
-            given = arguments(variant, values, scene)
-            row: Row = {"example": example, "delta": delta, "n": m * m}
-            row |= {"variant": variant.label, "method": variant.method}
-            row |= {name: values.get(name) for name in ("alpha", "beta", "c")}
-            row |= timed(scene, variant.method, variant.cap, **given)
-            yield row | {"cap": variant.cap}
-
-
 def large_rows() -> Iterator[Row]:
     """Yield held-out sizes up to n = 10^6 beside the plain transcription."""
     cases = itertools.product((1, 2), ((4.0, 0.5), (1.0, 0.8)), HELD_OUT)
@@ -143,19 +147,65 @@ def transcription(scene: sweep_scenes.Scene, omega: np.ndarray) -> tuple[int, fl
     return count, residual
 
 
+def plot(results: Path, figures: Path) -> None:
+    file = results / "paper-tables.csv"
+    figure, axes = plt.subplots(2, 2, figsize=(charts.WIDTH, 6.2), layout="constrained")
+    for column, example in enumerate(("1", "2")):
+        rows = tables.chosen(csv_files.read(file), example=example)
+        for line, (word, key, unit) in enumerate(
+            (("sweeps", "iterations", 1.0), ("time", "time", 1e3))
+        ):
+            draw_lines(axes[line, column], rows, key, unit)
+            title = f"Example {example}, $\\delta = 4$: {word}"
+            axes[line, column].set_title(title)
+        axes[0, column].set_ylim(0, None)
+        axes[0, column].set_ylabel("sweeps to Res < $10^{-5}$")
+        axes[1, column].set_yscale("log")
+        axes[1, column].set_ylabel("time [ms], median and quartiles")
+    charts.caption(axes[1, 0], file)
+    charts.save(figure, figures / "paper-tables.svg")
+
+
+def draw_lines(axes: Axes, rows: list[Row], key: str, unit: float) -> None:
+    """Draw computed numbers as lines, printed ones as hollow marks, dotted."""
+    lines = {}
+    for method, name in NAMES.items():
+        own = tables.chosen(rows, method=method)
+        n = [int(row["n"]) for row in own]
+        ours, printed = (
+            [unit * float(row[column]) for row in own]
+            for column in (key, f"printed_{key}")
+        )
+        colour, marker = charts.METHODS[method]
+        axes.plot(n, ours, color=colour, marker=marker)
+        axes.plot(n, printed, ":", color=colour, marker=marker, fillstyle="none",
+                  markersize=8)  # fmt: skip
+        if key == "time":
+            ends = (
+                [unit * float(row[q]) for row in own] for q in ("time_q1", "time_q3")
+            )
+            axes.vlines(n, *ends, color=colour, linewidth=1.0)
+        lines[name] = list(zip(n, ours, strict=True)), colour
+    axes.plot([], [], "o:", color=charts.DARK, fillstyle="none", label="printed")
+    axes.legend(loc="best", handletextpad=0.3)
+    axes.set_xscale("log")
+    axes.set_xlim(80, 26000)
+    axes.set_xlabel("n")
+    charts.name_lines(axes, lines)
+
+
 def main(arguments: list[str] | None = None) -> int:
     parser = cli.parser(__doc__, "results", "figures")
     parser.add_argument("part", nargs="?", choices=("run", "plot", "large"))
-    parser.add_argument("--jobs", type=int, default=2, help="processes that tune")
     args = parser.parse_args(arguments)
     files: dict[str, Iterator[Row]] = {}
     if args.part in (None, "run"):
-        files = {"tables": table_rows(), "methods": method_rows(args.jobs)}
+        files = {"tables": table_rows()}
     if args.part == "large":
         files = {"large": large_rows()}
     header = cli.begin() if files else []
     for name, rows in files.items():
         csv_files.write(args.results / f"paper-{name}.csv", header, list(rows))
     if args.part in (None, "plot"):
-        figures.plot(args.results, args.figures)
+        plot(args.results, args.figures)
     return 0
