@@ -137,19 +137,18 @@ def brennan_schwartz(factor, payoff, q, V):
 class March:
     """A put on its way through time; `run(k)` takes the next k steps."""
 
-    def __init__(self, grid: Grid, euler_steps: int = EULER_STEPS):
+    def __init__(self, grid: Grid):
         self.grid = grid
         self.V = grid.payoff.copy()
         self.q = np.empty_like(self.V)
         self.done = 0
-        self.euler_steps = euler_steps
 
     def run(self, steps: int) -> float:
         """Take steps and return their time."""
         _, _, left, *A = self.grid
         start = time.thread_time()
         for _ in range(steps):
-            right_side(self.V, *A, left, self.done < self.euler_steps, self.q)
+            right_side(self.V, *A, left, self.done < EULER_STEPS, self.q)
             self.solve()
             self.done += 1
         return time.thread_time() - start
@@ -168,8 +167,8 @@ class March:
 class Kept(March):
     """Brennan and Schwartz with the factors kept."""
 
-    def __init__(self, grid: Grid, euler_steps: int = EULER_STEPS):
-        super().__init__(grid, euler_steps)
+    def __init__(self, grid: Grid):
+        super().__init__(grid)
         self.factor = np.empty((3, grid.x.size))
         factorise(grid.below, grid.diagonal, grid.above, self.factor)
 
@@ -181,8 +180,8 @@ class Kept(March):
 class Package(March):
     """`solve_lcp`."""
 
-    def __init__(self, grid: Grid, euler_steps: int = EULER_STEPS):
-        super().__init__(grid, euler_steps)
+    def __init__(self, grid: Grid):
+        super().__init__(grid)
         n = grid.x.size
         A = sp.diags_array(
             [grid.below, grid.diagonal, grid.above], offsets=[-1, 0, 1], shape=(n, n)
