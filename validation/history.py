@@ -2,8 +2,8 @@
 
 Runs in some minutes, in this process, and appends to results/history.csv a row for each
 figure: the commit, the processor, how many of its cores were busy before, the value.
-Printed beside each is the value over the last one of an earlier commit on the same
-processor. Counts are of solved problems or of iterations; times are of the wall clock.
+Printed beside each is the value over the last one of an earlier commit that was taken
+on the same processor while it was quiet. Counts are of solved problems or of iterations; times are of the wall clock.
 """
 
 import sys
@@ -80,8 +80,11 @@ def main(arguments: list[str] | None = None) -> int:
     cli.begin()
     about = {"commit": machine.commit(), "date": time.strftime("%Y-%m-%d")}
     about |= {"cpu": machine.cpu_name(), "load": f"{quiet.busy_cores(1.0):.1f}"}
-    rows = tables.chosen(csv_files.read(args.csv), cpu=about["cpu"])
-    before = {r["figure"]: r["value"] for r in rows if r["commit"] != about["commit"]}
+    before = {
+        row["figure"]: row["value"]
+        for row in tables.chosen(csv_files.read(args.csv), cpu=about["cpu"])
+        if row["commit"] != about["commit"] and float(row["load"]) <= quiet.MOST_BUSY
+    }
     with csv_files.writer(args.csv, [], COLUMNS, append=True) as write:
         for name, value in (*figures(args.data), ("import, ms", 1e3 * import_time())):
             write(about | {"figure": name, "value": f"{value:.5g}"})

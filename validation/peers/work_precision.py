@@ -164,7 +164,7 @@ def complete(row: Row) -> Row:
 
 def requests(args: Args) -> Iterator[Row]:
     for name, family in known_families(args.data).items():
-        solvers = [*(args.solvers if family.peers else ["sweep auto"]), *family.sweeps]
+        solvers = ["sweep auto", *family.sweeps] if family.sweeps else args.solvers
         for problem in family.quick if args.quick else family.makers:
             for eps in sorted(args.eps, reverse=True):
                 key = {"family": name, "problem": problem, "eps": eps}

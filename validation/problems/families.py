@@ -57,15 +57,15 @@ class Family(NamedTuple):
     """The makers of the problems by name.
 
     `distance`: the solutions are unique, so that the error is the distance to them,
-    || x - x* ||_inf / || x* ||_inf; else it is the worst residual. `solvers`: None for
-    all QP solvers. `quick`: the names that the quick version takes.
+    || x - x* ||_inf / || x* ||_inf; else it is the worst residual. `quick`: the names
+    that the quick version takes. `sweeps` stand beside method="auto", where there are
+    some, else the QP solvers beside namlcp.
     """
 
     distance: bool
     makers: dict[str, Callable[[], Task]]
     quick: tuple[str, ...]
     sweeps: tuple[str, ...] = ()
-    peers: bool = True
 
 
 def boxed(scene: BoxLCP, exact: np.ndarray | None = None) -> Task:
@@ -149,20 +149,6 @@ def file_of(data: Path, problem_set: str, name: str) -> Path:
     return data / problem_set / f"{name}.npz"
 
 
-def missing(data: Path | None) -> list[str]:
-    """Return what the families would take from the data folder and do not find."""
-    absent = []
-    for family, (problem_set, names) in STORED.items():
-        lacking = names
-        if data is not None:
-            lacking = [n for n in names if not file_of(data, problem_set, n).exists()]
-        if lacking:
-            absent.append(f"{family}: {', '.join(lacking)}")
-    if data is None or not (data / "svm" / "heart_scale").exists():
-        absent.append("SVM: heart_scale")
-    return absent
-
-
 def families(data: Path | None) -> dict[str, Family]:
     """Return the families by name, with what the data folder has of them.
 
@@ -231,7 +217,7 @@ def families(data: Path | None) -> dict[str, Family]:
         "MPC": Family(True, controls, ("point mass", "walk")),
         "SVM": Family(True, machines, ("RBF", "squared hinge")),
         "general QP": Family(False, general, ("random, 1", "lasso")),
-        "paper": Family(True, examples, tuple(examples)[:2], every, False),
+        "paper": Family(True, examples, tuple(examples)[:2], every),
     }
     for name, (problem_set, stored_names) in STORED.items():
         for key in stored_names:
@@ -239,3 +225,16 @@ def families(data: Path | None) -> dict[str, Family]:
                 maker = partial(stored, data, problem_set, key)
                 known[name].makers[key] = maker
     return known
+
+
+def missing(data: Path | None) -> list[str]:
+    """Return what the families would take from the data folder and do not find."""
+    known = families(data)
+    absent = [
+        f"{family}: {key}"
+        for family, (_, names) in STORED.items()
+        for key in names
+        if key not in known[family].makers
+    ]
+    heart = data is not None and (data / "svm" / "heart_scale").exists()
+    return absent if heart else [*absent, "SVM: heart_scale"]
