@@ -1,26 +1,26 @@
 """Some twenty figures of a commit, kept with it, so that one can ask later what fell.
 
-Runs in some minutes, in this process, and appends to results/history.csv a row for each
-figure: the commit, the processor, how many of its cores were busy before, the value.
-Printed beside each is the value over the last one of an earlier commit that was taken
-on the same processor while it was quiet. Counts are of solved problems or of iterations; times are of the wall clock.
+One child process takes some minutes; a row for each figure is appended to
+results/history.csv: commit, processor, how many of its cores were busy before, value.
+Printed beside each is its ratio to the last one taken on the same processor while that
+was quiet. Times are of the wall clock.
 """
 
 import sys
 import time
 from collections.abc import Iterator
 from functools import partial
-from pathlib import Path
-from subprocess import run
+from typing import Any
 
 from validation.applications import large
 from validation.derivatives import packages
 from validation.general import benchmark as general
-from validation.harness import Job, cli, csv_files, machine, quiet, tables, timing
+from validation.harness import Bench, Job, cli, csv_files, machine, quiet, timing
 from validation.peers import benchmark
 from validation.problems import data_sets, osqp_classes
 from validation.repeated import batches, latency, sequences
 
+LIMIT = 900.0  # [s] for all of them
 FILE = cli.RESULTS / "history.csv"
 COLUMNS = "commit date cpu load figure value".split()
 SETS = (("mpc", 1e-6), ("contact", 1e-6), ("small", 1e-9))
@@ -35,10 +35,10 @@ def of_problems(name: str, rows: list[csv_files.Row]) -> Iterator[Figure]:
     yield f"{name}, ms", timing.geometric_mean(times)
 
 
-def figures(data: Path) -> Iterator[Figure]:
-    job = Job("nam", 10.0, data, lambda: None)
+def figures(job: Job) -> Iterator[Figure]:
+    """Yield the figures by name, as they are taken."""
     for problem_set, eps in SETS:
-        names = data_sets.set_names(data, problem_set)
+        names = data_sets.set_names(job.data, problem_set)
         rows = [benchmark.measure(job, problem_set, name, eps) for name in names]
         yield from of_problems(f"{problem_set} at {eps:g}", rows)
     ask = partial(benchmark.measure, job, eps=1e-6, load=benchmark.load_class)
@@ -64,32 +64,30 @@ def figures(data: Path) -> Iterator[Figure]:
     yield "backward, dense 100, us", 1e6 * row["backward"]
 
 
-def import_time() -> float:
-    """Return the time of a process that imports namlcp, over one that does not [s]."""
-    times = []
-    for text in ("import numpy, scipy.sparse", "import numpy, scipy.sparse, namlcp"):
-        call = partial(run, [sys.executable, "-c", text], check=True)
-        call()
-        times.append(min(timing.median_time(call)[1:]))
-    return times[1] - times[0]
+def work(job: Job) -> list[Figure]:
+    job.ready()
+    return list(figures(job._replace(limit=10.0, ready=lambda: None)))
 
 
 def main(arguments: list[str] | None = None) -> int:
-    parser = cli.parser(__doc__, data=..., csv=FILE)
-    args = parser.parse_args(arguments)
+    args = cli.parser(__doc__, data=..., csv=FILE).parse_args(arguments)
     cli.begin()
-    about = {"commit": machine.commit(), "date": time.strftime("%Y-%m-%d")}
-    about |= {"cpu": machine.cpu_name(), "load": f"{quiet.busy_cores(1.0):.1f}"}
+    about = {"commit": machine.commit(), "cpu": machine.cpu_name()}
+    about |= {"load": f"{quiet.busy_cores(1.0):.1f}", "date": time.strftime("%F")}
     before = {
         row["figure"]: row["value"]
-        for row in tables.chosen(csv_files.read(args.csv), cpu=about["cpu"])
-        if row["commit"] != about["commit"] and float(row["load"]) <= quiet.MOST_BUSY
+        for row in csv_files.read(args.csv)
+        if row["cpu"] == about["cpu"] and float(row["load"]) <= quiet.MOST_BUSY
     }
+    with Bench(work, "nam", LIMIT, args.data) as child:
+        found: Any = child.ask()
+    if isinstance(found, dict):
+        raise RuntimeError(found["status"])
     with csv_files.writer(args.csv, [], COLUMNS, append=True) as write:
-        for name, value in (*figures(args.data), ("import, ms", 1e3 * import_time())):
+        for name, value in found:
             write(about | {"figure": name, "value": f"{value:.5g}"})
             ratio = value / float(before[name]) if name in before else float("nan")
-            print(f"{name:<34} {tables.short(value):>8} {ratio:8.2f}", flush=True)
+            print(f"{name:<34} {value:>8.4g} {ratio:8.2f}", flush=True)
     return 0
 
 
