@@ -24,11 +24,14 @@ USUAL: dict[str, dict[str, Any]] = {
 """The usual options, each with what argparse is told of it."""
 
 
-def add_usual(parser: argparse.ArgumentParser, *names: str, **defaults: Any) -> None:
-    """Add usual options, those of `defaults` with another default.
+def parser(doc: str | None, *names: str, **defaults: Any) -> Any:
+    """Return a parser described by a module's docstring, with usual options.
 
-    A default of `...` makes the option required.
+    Those of `defaults` have another default; one of `...` makes an option required.
     """
+    parser = argparse.ArgumentParser(
+        description=doc, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     for name in (*names, *defaults):
         given = dict(USUAL[name])
         if defaults.get(name) is ...:
@@ -36,14 +39,6 @@ def add_usual(parser: argparse.ArgumentParser, *names: str, **defaults: Any) -> 
         elif name in defaults:
             given["default"] = defaults[name]
         parser.add_argument(f"--{name}", **given)
-
-
-def parser(doc: str | None, *names: str, **defaults: Any) -> Any:
-    """Return a parser described by a module's docstring, with usual options."""
-    parser = argparse.ArgumentParser(
-        description=doc, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_usual(parser, *names, **defaults)
     return parser
 
 
