@@ -206,10 +206,10 @@ PARTS: dict[str, Callable[[], Iterator[Row]]] = {
 
 def main(arguments: list[str] | None = None) -> int:
     parser = cli.parser(__doc__, "results")
-    parser.add_argument("parts", nargs="*", choices=list(PARTS), help="default: all")
+    parser.add_argument("parts", nargs="*", default=PARTS, help=", ".join(PARTS))
     args = parser.parse_args(arguments)
     header = cli.begin(["pyamg"])
-    for part in args.parts or PARTS:
+    for part in args.parts:
         print(part, flush=True)
         rows = list(PARTS[part]())
         csv_files.write(args.results / f"{part}.csv", header, rows)
