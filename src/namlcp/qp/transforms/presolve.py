@@ -9,13 +9,14 @@ beside it. The z_box_j that makes x_j stationary becomes z_i = z_box_j / g if th
 positive. (A row a x_j = b leaves the interior as it is, and stays.)
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
+import cython
 import numpy as np
+from cython.cimports.libc.math import INFINITY, fabs
 from scipy.sparse import csc_array, csr_array
 
-from namlcp.linalg import add_transposed, submatrix, times, without_zeros
-from namlcp.qp.guess import Guess
+from namlcp.linalg import add_transposed, submatrix, times
 from namlcp.qp.problem import QP, Point
 from namlcp.qp.transforms.repeated import (
     EMPTY,
@@ -25,7 +26,6 @@ from namlcp.qp.transforms.repeated import (
     merge_rows,
 )
 
-NO_PLACES = np.empty(0, dtype=np.intp)
 # Largest ub - lb of a fixed variable, relative to max(1, |lb|).
 FIXED = 1e-12
 
@@ -67,11 +67,11 @@ class Presolved(NamedTuple):
     G_groups: Groups
     fixed_by: tuple[np.ndarray, np.ndarray, np.ndarray]
 
-    def has_matrices_of(self, other: "Presolved") -> bool:
+    def has_matrices_of(self, other):
         """Tell whether P, A and G are the very same objects."""
         return self.P is other.P and self.A is other.A and self.G is other.G
 
-    def can_be_renewed(self, qp: QP, fixed: np.ndarray) -> bool:
+    def can_be_renewed(self, qp, fixed):
         """Tell whether only vectors differ, but not what is fixed or infinite."""
         return (
             qp.has_matrices_of(self.qp)
@@ -79,13 +79,13 @@ class Presolved(NamedTuple):
             and np.array_equal(qp.h < np.inf, self.G_groups.number != UNWANTED)
         )
 
-    def primal(self, x: np.ndarray) -> np.ndarray:
+    def primal(self, x):
         """Return the x of `qp` from that of the kept columns."""
         full = self.ray(x)
         full[self.fixed] = self.x_fixed
         return full
 
-    def ray(self, d: np.ndarray) -> np.ndarray:
+    def ray(self, d):
         """Return the direction of the x of `qp`; fixed variables do not move."""
         if not self.fixed.size:
             return d
@@ -93,14 +93,14 @@ class Presolved(NamedTuple):
         full[self.kept] = d
         return full
 
-    def certificate(self, y: np.ndarray, z: np.ndarray) -> tuple[Any, Any]:
+    def certificate(self, y, z):
         """Return the (y, z) of `qp` that prove what those of the smaller problem do."""
         y, z = self.multipliers(y, z)
         if self.fixed_by[0].size:
             self.hold_fixed(np.zeros(self.qp.q.size), y, z)
         return y, z
 
-    def multipliers(self, y: np.ndarray, z: np.ndarray) -> tuple[Any, Any]:
+    def multipliers(self, y, z):
         """Return the (y, z) of `qp`, zero at dropped rows; z: of `sides`, (2, m).
 
         The two extreme rows of an equation share its y so that b'y does not change.
@@ -115,9 +115,7 @@ class Presolved(NamedTuple):
         z_full[rows] = z[has] / np.abs(self.G_groups.ratio[rows])
         return y_full, z_full
 
-    def hold_fixed(
-        self, gradient: np.ndarray, y: np.ndarray, z: np.ndarray
-    ) -> np.ndarray:
+    def hold_fixed(self, gradient, y, z):
         """Return the z_box that makes fixed variables stationary; move it to z.
 
         A'y + G'z is added to the gradient. The z_box of kept columns is zero.
@@ -132,7 +130,7 @@ class Presolved(NamedTuple):
         z_box[column[value > 0.0]] = 0.0
         return z_box
 
-    def guess(self, guess: Guess) -> tuple[np.ndarray, ...]:
+    def guess(self, guess):
         """Return (x, y, z, z_box, active) of a guess for `qp`; z: of `sides`, (2, m).
 
         active: whether these sides, upper and lower bounds are.
@@ -147,9 +145,7 @@ class Presolved(NamedTuple):
         active = np.concatenate((sides, ub[self.kept], lb[self.kept]))
         return guess.x[self.kept], y.sum(0), z, guess.z_box[self.kept], active
 
-    def point(
-        self, x: np.ndarray, y: np.ndarray, z: np.ndarray, z_box: np.ndarray
-    ) -> Point:
+    def point(self, x, y, z, z_box):
         """Return the point of `qp`; z_box of a fixed variable makes its residual 0."""
         qp = self.qp
         y, z = self.multipliers(y, z)
@@ -161,15 +157,15 @@ class Presolved(NamedTuple):
         return Point(x, y, z, box)
 
 
-def presolve(
-    qp: QP, eps_abs: float, eps_rel: float, last: Presolved | None = None
-) -> Presolved:
+def presolve(qp, eps_abs, eps_rel, last=None):
     """Return the smaller problem of a QP in CSC; reuse the matrices of `last` if equal.
 
     The tolerances decide which constraints contradict each other.
     """
     q, b, h, lb, ub = qp.q, qp.b, qp.h, qp.lb.copy(), qp.ub.copy()
-    fixed_by = fix_by_rows(qp.G, h, lb, ub)
+    by, entry = np.full(q.size, -1, np.int32), np.empty(q.size)
+    fix_by_rows(qp.G.indptr, qp.G.indices, qp.G.data, h, lb, ub, by, entry)
+    column = (by >= 0).nonzero()[0]
     is_fixed = np.isfinite(lb) & np.isfinite(ub)
     is_fixed &= ub - lb <= FIXED * np.maximum(1.0, np.abs(lb))
     fixed = is_fixed.nonzero()[0]
@@ -198,33 +194,31 @@ def presolve(
     b = ends[0] - share * ends.sum(0)
     return Presolved(
         qp, P, q, A, b, G, sides, lb, ub, kept, fixed, x_fixed, b_of, side_of, found,
-        A_groups, G_groups, fixed_by,
+        A_groups, G_groups, (by[column], entry[column], column),
     )  # fmt: skip
 
 
-def fix_by_rows(G: csc_array, h: np.ndarray, lb: np.ndarray, ub: np.ndarray) -> Any:
-    """Set lb_j = ub_j where a row of G with one nonzero entry fixes x_j.
+def fix_by_rows(indptr, indices, data, h, lb, ub, by, entry):
+    """Set lb_j = ub_j where a row of G, in CSC, with one nonzero entry fixes x_j.
 
-    Returns these rows, their entries, and the columns.
+    by[j] and entry[j] take the row and its entry.
     """
-    G = without_zeros(G)
-    single = np.bincount(G.indices, minlength=h.size) == 1
-    at = single[G.indices].nonzero()[0] if single.any() else NO_PLACES
-    row, entry = G.indices[at], G.data[at]
-    column = np.searchsorted(G.indptr, at, "right") - 1
-    value, opposite = h[row] / entry, np.where(entry > 0.0, lb[column], ub[column])
-    near = FIXED * np.maximum(1.0, np.abs(opposite))
-    fixes = (np.abs(value - opposite) <= near) & (near < np.inf)
-    fixes &= lb[column] < ub[column]
-    if not fixes.any():
-        return NO_PLACES, NO_PLACES, NO_PLACES
-    first = np.unique(column[fixes], return_index=True)[1]
-    row, entry, column = (v[fixes][first] for v in (row, entry, column))
-    lb[column] = ub[column] = opposite[fixes][first]
-    return row, entry, column
+    n = lb.shape[0]
+    count: cython.int[::1] = np.zeros(h.shape[0], np.int32)
+    for t in range(indptr[n]):
+        count[indices[t]] += data[t] != 0.0
+    for j in range(n):
+        for t in range(indptr[j], indptr[j + 1]):
+            i = indices[t]
+            if count[i] != 1 or data[t] == 0.0 or not lb[j] < ub[j]:
+                continue
+            value, opposite = h[i] / data[t], lb[j] if data[t] > 0.0 else ub[j]
+            if fabs(value - opposite) <= FIXED * max(1.0, fabs(opposite)) < INFINITY:
+                lb[j], ub[j] = opposite, opposite
+                by[j], entry[j] = i, data[t]
 
 
-def merged(name: str, groups: Groups, values: np.ndarray, tol: float) -> Any:
+def merged(name, groups, values, tol):
     """Return the sides of each group of rows of A or G, and the rows that give them.
 
     Contradictions are returned, too: messages and multipliers.

@@ -11,12 +11,17 @@ y_i follows from stationarity in t. A column is substituted only where the produ
 a_i a_i' do not fill P.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
+import cython
 import numpy as np
+from cython import Py_ssize_t
+from cython.cimports.libc.math import INFINITY, fabs
+from cython.cimports.namlcp.linalg.arrays import numbers
+from cython.cimports.namlcp.linalg.csc import Columns, take_columns
 from scipy.sparse import csc_array
 
-from namlcp.limits import NEVER, PASS, Deadline
+from namlcp.limits import NEVER, PASS
 from namlcp.linalg import (
     add_transposed,
     submatrix,
@@ -30,11 +35,10 @@ from namlcp.qp.problem import QP, Point
 
 # Least |a_it|, relative to the largest entry of its row, against rounding errors.
 PIVOT = 1e-3
-# Most entries that the products a_i a_i' may add to P, for each entry of the rows that
-# they replace, and in addition.
-FILL, SMALL = 4, 1000
-# Most entries of a_i for which a_i a_i' has no more than the removed row and column.
-SHORT = 2
+# FILL, SMALL: most entries that the products a_i a_i' may add to P, for each entry of
+# the rows that they replace, and in addition. SHORT: most entries of a_i for which
+# a_i a_i' has no more than the removed row and column. NO_ENTRY, SEVERAL: what
+# `only_entry` returns where there is no entry, or more than one.
 
 
 class Substitution(NamedTuple):
@@ -58,7 +62,7 @@ class Substitution(NamedTuple):
     A: csc_array
 
     @property
-    def problem(self) -> QP:
+    def problem(self):
         """The smaller QP."""
         user, kept = self.user, self.kept
         q = user.q[kept]
@@ -67,7 +71,7 @@ class Substitution(NamedTuple):
         b, lb, ub = user.b[self.others], user.lb[kept], user.ub[kept]
         return QP(self.P, q, self.G, user.h, self.A, b, lb, ub)
 
-    def fits(self, qp: QP) -> bool:
+    def fits(self, qp):
         """Tell whether the QP has the same matrices and the same infinite bounds."""
         user = self.user
         return (
@@ -76,9 +80,7 @@ class Substitution(NamedTuple):
             and np.array_equal(np.isinf(qp.ub), np.isinf(user.ub))
         )
 
-    def point(
-        self, x: np.ndarray, y: np.ndarray, z: np.ndarray, z_box: np.ndarray
-    ) -> Point:
+    def point(self, x, y, z, z_box):
         """Return the user's point."""
         user, x = self.user, self.primal(x)
         y, z = self.certificate(y, z)
@@ -88,26 +90,26 @@ class Substitution(NamedTuple):
         full[self.kept] = z_box
         return Point(x, y, z, full)
 
-    def primal(self, x: np.ndarray) -> np.ndarray:
+    def primal(self, x):
         """Return the user's x."""
         full = self.ray(x)
         full[self.columns] += self.user.b[self.by] / self.pivot
         return full
 
-    def certificate(self, y: np.ndarray, z: np.ndarray) -> tuple[Any, Any]:
+    def certificate(self, y, z, *_):
         """Return the user's (y, z) with y = 0 at the rows substituted."""
         full = np.zeros(self.user.b.size)
         full[self.others] = y
         return full, z
 
-    def ray(self, d: np.ndarray) -> np.ndarray:
+    def ray(self, d):
         """Return the user's direction of x."""
         full = np.empty(self.user.q.size)
         full[self.kept] = d
         full[self.columns] = -times(self.rest, d) / self.pivot
         return full
 
-    def guess(self, guess: Guess) -> Guess:
+    def guess(self, guess):
         """Return a guess for the smaller QP."""
         if not guess.x.size:
             return guess
@@ -119,9 +121,7 @@ class Substitution(NamedTuple):
         )
 
 
-def substitute(
-    qp: QP, last: Substitution | None = None, deadline: Deadline = NEVER
-) -> Substitution | None:
+def substitute(qp, last=None, deadline=NEVER):
     """Return the smaller QP of a sparse one, None if nothing can be substituted.
 
     None, too, if lb > ub. The matrices of `last` are reused if qp has the same matrices
@@ -129,60 +129,118 @@ def substitute(
     """
     if last is not None and last.fits(qp):
         return last._replace(user=qp)
-    free = ((qp.lb == -np.inf) & (qp.ub == np.inf)).nonzero()[0]
-    if not (free.size and qp.b.size):
+    deadline.check(PASS * qp.A.nnz)
+    n, m, p = qp.q.size, qp.h.size, qp.b.size
+    chosen, (pivot, cost, work) = np.empty(p, dtype=np.int32), np.empty((3, p))
+    if find_free_columns(qp, chosen, pivot, cost, work) == 0:
+        return None
+    if not (qp.lb <= qp.ub).all():
         return None
     deadline.check(PASS * qp.A.nnz)
+    by, others = (chosen >= 0).nonzero()[0], (chosen < 0).nonzero()[0]
+    columns, pivot, cost = chosen[by], pivot[by], cost[by]
+    stays = np.ones(n, dtype=np.bool_)
+    stays[columns] = False
+    kept = stays.nonzero()[0]
     P, G, A = (without_zeros(M) for M in (qp.P, qp.G, qp.A))
-    columns, by, pivot, cost = free_columns(free, P, G, A)
-    if not (columns.size and (qp.lb <= qp.ub).all()):
-        return None
-    deadline.check(PASS * qp.A.nnz)
-    kept = np.delete(np.arange(qp.q.size), columns)
-    others = np.delete(np.arange(qp.b.size), by)
     rest = submatrix(A, by, kept)
     # the squares added below would hide negative curvature
     check_convex(qp.P, deadline)
     deadline.check()
     P = with_squares(submatrix(P, kept, kept), rest, cost / pivot**2, deadline)
-    G, A = submatrix(G, np.arange(qp.h.size), kept), submatrix(A, others, kept)
-    return Substitution(qp, kept, columns, by, pivot, cost, others, rest, P, G, A)
+    return Substitution(
+        qp, kept, columns, by, pivot, cost, others, rest,
+        P, submatrix(G, np.arange(m), kept), submatrix(A, others, kept),
+    )  # fmt: skip
 
 
-def free_columns(free: np.ndarray, P: csc_array, G: csc_array, A: csc_array) -> Any:
-    """Choose columns to substitute; return them, their rows in A, a_it and p.
+def find_free_columns(qp, chosen, pivot, cost, largest):
+    """Choose free columns to substitute; return their number.
 
-    They are those of the unbounded ones, `free`, without entries in G, with one entry
-    in A and none in P but a diagonal one, p >= 0. Each row of A, in rising order,
-    substitutes one column at most, the one with the largest entry.
+    Free is a column without bounds (lb, ub) and without entries in G, with one entry in
+    A and none in P but a diagonal one, p >= 0. Row i of A substitutes column chosen[i],
+    the one with the largest entry, or none where that is -1; pivot and cost take the
+    entry and p. All these (p,) are overwritten.
     """
-    in_A, in_G, in_P = (np.diff(M.indptr)[free] for M in (A, G, P))
-    fits = (in_A == 1) & (in_G == 0) & (in_P <= 1)
-    columns, own = free[fits], in_P[fits] == 1
-    cost = np.zeros(columns.size)
-    at = P.indptr[columns[own]]
-    cost[own] = np.where(P.indices[at] == columns[own], P.data[at], -1.0)
-    columns, cost = columns[cost >= 0.0], cost[cost >= 0.0]
-    at = A.indptr[columns]
-    by, size = A.indices[at], np.abs(A.data[at])
-    order = np.lexsort((-columns, size, by))  # the last one of each row is the largest
-    order = order[np.append(by[order][1:] != by[order][:-1], True)[: order.size]]
-    largest = np.zeros(A.shape[0])
-    np.maximum.at(largest, A.indices, np.abs(A.data))
-    order = order[size[order] >= PIVOT * largest[by[order]]]
-    columns, by, pivot, cost = columns[order], by[order], A.data[at[order]], cost[order]
-    stays = stays_sparse(A, by, cost)
-    return columns[stays], by[stays], pivot[stays], cost[stays]
+    P: Columns
+    G: Columns
+    A: Columns
+    n: Py_ssize_t = qp.q.size
+    some: cython.bint = False
+    take_columns(qp.P, n, cython.address(P))
+    take_columns(qp.G, n, cython.address(G))
+    take_columns(qp.A, n, cython.address(A))
+    lb, ub = numbers(qp.lb, n), numbers(qp.ub, n)
+    for i in range(chosen.shape[0]):
+        chosen[i] = -1
+        pivot[i], cost[i], largest[i] = 0.0, 0.0, 0.0
+    for j in range(n):
+        if lb[j] > -INFINITY or ub[j] < INFINITY:
+            continue
+        t = only_entry(cython.address(A), j)
+        if t < 0 or only_entry(cython.address(G), j) != NO_ENTRY:
+            continue
+        i = A.indices[t]
+        s = only_entry(cython.address(P), j)
+        if s == SEVERAL or (s >= 0 and (P.indices[s] != j or P.data[s] < 0.0)):
+            continue
+        if fabs(A.data[t]) > fabs(pivot[i]):
+            chosen[i], pivot[i] = j, A.data[t]
+            cost[i] = P.data[s] if s >= 0 else 0.0
+            some = True
+    if not some:
+        return 0
+    for t in range(A.indptr[n]):
+        i = A.indices[t]
+        largest[i] = max(largest[i], fabs(A.data[t]))
+    for i in range(chosen.shape[0]):
+        if fabs(pivot[i]) < PIVOT * largest[i]:
+            chosen[i] = -1
+    return drop_filling_rows(cython.address(A), n, chosen, cost)
 
 
-def stays_sparse(A: csc_array, by: np.ndarray, cost: np.ndarray) -> np.ndarray:
-    """Tell which rows can substitute without that their squares fill P.
+def only_entry(C, j):
+    """Return the position of the only nonzero entry in column j."""
+    found: Py_ssize_t = NO_ENTRY
+    for t in range(C.indptr[j], C.indptr[j + 1]):
+        if C.data[t] != 0.0:
+            if found != NO_ENTRY:
+                return SEVERAL
+            found = t
+    return found
 
-    If the squares of all rows with p > 0 fill P, only the short ones of them can.
+
+def drop_filling_rows(A, n, chosen, cost):
+    """Set chosen[i] = -1 where squares would fill P; return how many rows are left.
+
+    If the squares of all rows with p > 0 fill P, only the short ones of them are left.
     """
-    length = np.bincount(A.indices, minlength=A.shape[0])[by] - 1
-    lengths = length[cost > 0.0].astype(float)
-    width = float(np.count_nonzero(np.diff(A.indptr)) - lengths.size)
-    if min((lengths**2).sum(), width**2) <= FILL * lengths.sum() + SMALL:
-        return np.ones(by.size, np.bool_)
-    return (cost == 0.0) | (length <= SHORT)
+    rows = chosen.shape[0]
+    count: cython.longlong[::1] = np.zeros(rows, np.longlong)
+    for t in range(A.indptr[n]):
+        count[A.indices[t]] += A.data[t] != 0.0
+    lengths: cython.longlong = 0
+    squares: cython.longlong = 0
+    width: cython.longlong = 0
+    left: Py_ssize_t = 0
+    for i in range(rows):
+        if chosen[i] >= 0:
+            left += 1
+            if cost[i] > 0.0:
+                length = count[i] - 1
+                lengths += length
+                squares += length * length
+                width -= 1
+    for j in range(n):
+        for t in range(A.indptr[j], A.indptr[j + 1]):
+            i = A.indices[t]
+            if A.data[t] != 0.0 and chosen[i] >= 0 and cost[i] > 0.0:
+                width += 1
+                break
+    if min(squares, width * width) <= FILL * lengths + SMALL:
+        return left
+    for i in range(rows):
+        if chosen[i] >= 0 and cost[i] > 0.0 and count[i] - 1 > SHORT:
+            chosen[i] = -1
+            left -= 1
+    return left
