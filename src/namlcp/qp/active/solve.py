@@ -16,6 +16,7 @@ from cython.cimports.libc.math import INFINITY, fabs, sqrt
 from cython.cimports.namlcp.limits import Settings
 from cython.cimports.namlcp.linalg.arrays import (
     NO_ENTRIES,
+    are_places,
     data_of,
     fits,
     new_vector,
@@ -37,7 +38,7 @@ from cython.cimports.namlcp.qp.active.engine import (
 from cython.cimports.namlcp.qp.active.judgement import is_within
 from cython.cimports.namlcp.qp.active.null import NullSpace
 from cython.cimports.namlcp.qp.active.proximal import NO_WEIGHT
-from cython.cimports.namlcp.qp.intake import is_finite, is_side, rows_of
+from cython.cimports.namlcp.qp.intake import is_finite, is_side
 from cython.cimports.namlcp.result_base import (
     Numbers,
     ResultBase,
@@ -45,6 +46,7 @@ from cython.cimports.namlcp.result_base import (
     residuals_of,
 )
 from cython.cimports.namlcp.watch import begin_watch, raise_kept
+from scipy.sparse import csc_array, csc_matrix
 
 from namlcp.qp import guess
 from namlcp.status import Status
@@ -220,17 +222,31 @@ def tiny_form(C, n):
 
     The same where there is no such matrix.
     """
-    if cnp.PyArray_CheckExact(C) or n * n > TINY_ENTRIES:
+    if type(C) is not csc_array and type(C) is not csc_matrix:
         return None
-    rows: Py_ssize_t = rows_of(C, n, False)
-    if rows < 0 or n * (n + rows) > TINY_ENTRIES:
+    data, indices, indptr = C.data, C.indices, C.indptr
+    if not (fits(data, 1) and are_places(indices) and are_places(indptr)):
         return None
-    data, found = C.data, new_zeros(rows, n)
-    start, value, out = places(C.indptr, n + 1), data_of(data), data_of(found)
-    at = places(C.indices, start[n])
+    if cnp.PyArray_DIM(indptr, 0) != n + 1 or n * n > TINY_ENTRIES:
+        return None
+    rows: Py_ssize_t = C.shape[0]
+    nnz: Py_ssize_t = cnp.PyArray_DIM(data, 0)
+    if n * (n + rows) > TINY_ENTRIES:
+        return None
+    start, at, value = places(indptr, n + 1), places(indices, nnz), data_of(data)
+    if start[0] != 0 or start[n] != nnz:
+        return None
+    found = new_zeros(rows, n)
+    out = data_of(found)
     for j in range(n):
+        before = -1
+        if start[j + 1] < start[j] or start[j + 1] > nnz:
+            return None
         for t in range(start[j], start[j + 1]):
-            out[at[t] * n + j] = value[t]
+            if at[t] <= before or at[t] >= rows:
+                return None  # not canonical, or corrupt
+            before = at[t]
+            out[before * n + j] = value[t]
     return found
 
 
