@@ -298,12 +298,16 @@ def finite_square_matrix(name: str, value: Any, layout: str) -> Any:
 
 def refuse_number(name: str, values: Any, infinite_allowed: bool) -> None:
     """Raise a ValueError that says where the first NaN or forbidden infinity is."""
-    values = values.data if sp.issparse(values) else values
-    flat = values.ravel()
+    is_sparse = sp.issparse(values)
+    flat = (values.data if is_sparse else values).ravel()
     if is_bad(flat, infinite_allowed):
         i = np.argmax(np.isnan(flat) if infinite_allowed else ~np.isfinite(flat))
         wanted = "must not hold NaN" if infinite_allowed else "must be finite"
-        place = ", ".join(str(k) for k in np.unravel_index(i, values.shape))
+        if is_sparse:
+            index = [places[i] for places in values.tocoo().coords]
+        else:
+            index = list(np.unravel_index(i, values.shape))
+        place = ", ".join(map(str, index))
         raise ValueError(f"{name} {wanted}, got {flat[i]} at ({place})")
 
 

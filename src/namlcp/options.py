@@ -2,6 +2,7 @@
 
 import math
 import numbers
+import sys
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, fields
 from difflib import SequenceMatcher
@@ -199,7 +200,7 @@ def check_names(settings: Mapping[str, Any]) -> None:
                 " h = [u; -l], those with l = u as A = C, b = u"
             )
         if name not in known:
-            near = nearest(name, [*known, "warm_start"])
+            near = nearest(name, {*known, "warm_start"} - {name})
             hint = f"did you mean {near!r}?" if near else f"known: {known}"
             raise TypeError(f"unknown option {name!r}; {hint}")
 
@@ -224,7 +225,10 @@ def check_number(
         isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Real)
     ):
         raise TypeError(f"{name} must be a number, got {value!r}")
-    number = float(value)  # type: ignore[arg-type]
+    try:
+        number = float(value)  # type: ignore[arg-type]
+    except OverflowError:
+        raise ValueError(f"{name} must be at most {sys.float_info.max:g}") from None
     if finite and number == math.inf:
         raise ValueError(f"{name} must be finite, got {value!r}")
     if not (number > above or (closed and number == above)):
@@ -240,6 +244,8 @@ def check_count(name: str, value: object) -> None:
         raise TypeError(f"{name} must be an integer, got {value!r}")
     if int(value) < 1:  # type: ignore[call-overload]
         raise ValueError(f"{name} must be >= 1, got {value!r}")
+    if int(value) > sys.maxsize:  # type: ignore[call-overload]
+        raise ValueError(f"{name} must be at most {sys.maxsize}")
 
 
 def check_flag(name: str, value: object) -> None:

@@ -490,7 +490,8 @@ class ClosestPoint(Differentiable, Single):
     That problem has the sides h + shift_h, b + shift_b, lb + shift_lb and ub +
     shift_ub, with the least shifts that leave some x feasible; `Relaxation` tells how
     they are measured. x, y, z, z_box and obj are named as in `QPResult`, so that
-    ``(result.closest or result).x`` is the x to use in either case.
+    ``result.closest or result`` is the one to read then; its `found` tells whether its
+    x is a solution (the closest point may be late, too).
 
     Attributes
     ----------

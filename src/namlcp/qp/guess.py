@@ -48,11 +48,7 @@ def make_guess(qp: QP, x0: Any, warm_start: Any, name: str = "x0") -> Guess:
         x = vector(name, x0, qp.q.size, "q", qp.q.shape)
         refuse_number(name, x, False)
         return Guess(*qp.point(x), active_at(qp, x))
-    if not all(hasattr(warm_start, key) for key in Point._fields):
-        raise TypeError(
-            "warm_start must be a QPResult or a qpsolvers.Solution, with x, y, z and "
-            f"z_box, got {warm_start!r:.60}"
-        )
+    check_warm_start(warm_start)
     parts: list[Any] = [getattr(warm_start, key) for key in Point._fields]
     if any(part is None for part in parts):  # a Solution without a point
         return NO_GUESS
@@ -67,6 +63,15 @@ def make_guess(qp: QP, x0: Any, warm_start: Any, name: str = "x0") -> Guess:
     active = np.concatenate((z > 0.0, z_box < 0.0, z_box > 0.0))
     active &= np.isfinite(np.concatenate((qp.h, qp.lb, qp.ub)))
     return Guess(*point, active.astype(np.int8))
+
+
+def check_warm_start(warm_start: Any) -> None:
+    """Raise a TypeError for what has not the parts of a point."""
+    if not all(hasattr(warm_start, key) for key in Point._fields):
+        raise TypeError(
+            "warm_start must be a QPResult or a qpsolvers.Solution, with x, y, z and "
+            f"z_box, got {warm_start!r:.60}"
+        )
 
 
 def active_at(qp: QP, x: np.ndarray) -> np.ndarray:

@@ -4,7 +4,7 @@ from time import perf_counter
 from typing import Any
 
 from namlcp.options import DEFAULT_OPTIONS, Options, check_count
-from namlcp.qp import QP, Items, available_cores, solve_items
+from namlcp.qp import QP, Items, available_cores, check_warm_start, solve_items
 from namlcp.results import BatchResult, batch_result
 
 
@@ -84,6 +84,7 @@ def solve_batch(
         )
     starts = warm_start
     if warm_start is not None and not isinstance(warm_start, BatchResult):
+        check_warm_start(warm_start)
         starts = [warm_start] * items.size
     outcomes = solve_items(items, starts, options, threads)
     return batch_result(outcomes, items, perf_counter() - start)
