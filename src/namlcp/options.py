@@ -200,7 +200,7 @@ def check_names(settings: Mapping[str, Any]) -> None:
                 " h = [u; -l], those with l = u as A = C, b = u"
             )
         if name not in known:
-            near = nearest(name, {*known, "warm_start"} - {name})
+            near = nearest(name, [k for k in (*known, "warm_start") if k != name])
             hint = f"did you mean {near!r}?" if near else f"known: {known}"
             raise TypeError(f"unknown option {name!r}; {hint}")
 
