@@ -152,9 +152,11 @@ def test_squares_of_tiny_unknowns_are_no_residual():
     assert (result.status.value, result.z[0]) == ("solved", -4e-6)
 
 
-@pytest.mark.parametrize(("seed", "index"), [(1, 26409), (1, 62813), (2, 16413)])
+@pytest.mark.parametrize(
+    ("seed", "index"), [(1, 26409), (1, 62813), (2, 16413), (4, 597)]
+)
 def test_what_far_scales_found(seed, index):
-    """A point that is not finite was refined for ever; SciPy sorted an argument."""
+    """An infinite point refined for ever; P sorted by SciPy; norms of lists of rows."""
     found = campaign.examine(problems.make(seed, index, "values"), "nam", 1e-6, 10.0)
     assert found["outcome"] in ("right", "refused"), found
 

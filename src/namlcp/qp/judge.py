@@ -116,7 +116,7 @@ class Judge:
 
         sign: 1.0 for the most that it may be, -1.0 for the least.
         """
-        P, G, A = (norm(M) for M in (self.qp.P, self.qp.G, self.qp.A))
+        P, G, A = (norm(M) for M in (self.checked.P, self.checked.G, self.checked.A))
         x, y, z = map(norm, point[:3])
         pairs = zip(residuals[:3], rounding_errors(P, G, A, x, y, z), strict=True)
         changed = [max(r + sign * error, 0.0) for r, error in pairs]
