@@ -121,7 +121,7 @@ def select_part(indptr, indices, data, height, rows, columns):
     """Return the CSC arrays of some rows and columns of a matrix of this height."""
     count = columns.shape[0]
     nnz: cython.Py_ssize_t = 0
-    number: cython.int[::1] = np.full(height, -1, np.int32)
+    number: cython.int[::1] = constant(height, -1, np.int32)
     for k in range(rows.shape[0]):
         number[rows[k]] = k
     starts = np.zeros(count + 1, np.int32)
@@ -179,7 +179,7 @@ def write_squares(parts, weight, indptr, indices, data):
     P, B, rows = parts[0], parts[1], parts[2]
     n, capacity = indptr.shape[0] - 1, data.shape[0]
     sums: cython.double[::1] = np.zeros(n)
-    seen: cython.int[::1] = np.full(n, -1, np.int32)
+    seen: cython.int[::1] = constant(n, -1, np.int32)
     nnz: cython.Py_ssize_t = 0
     for j in range(n):
         if nnz + n > capacity:

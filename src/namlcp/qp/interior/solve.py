@@ -32,7 +32,7 @@ def solve_interior(
         M = getattr(qp, name)
         deadline.check(PASS * M.size)
         qp = qp._replace(**{name: as_sparse(M)})
-    entries = qp.P.nnz + qp.G.nnz + qp.A.nnz
+    entries = qp.P.data.size + qp.G.data.size + qp.A.data.size
     deadline.check()
     memory.ensure_convex(qp.P, deadline)
     found = alone(judge.qp, *limits.tolerances)

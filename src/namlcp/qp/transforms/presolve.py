@@ -16,6 +16,7 @@ import numpy as np
 from cython.cimports.libc.math import INFINITY, fabs
 from scipy.sparse import csc_array, csr_array
 
+from namlcp.entries import constant
 from namlcp.linalg import add_transposed, submatrix, times
 from namlcp.qp.problem import QP, Point
 from namlcp.qp.transforms.repeated import (
@@ -163,7 +164,7 @@ def presolve(qp, eps_abs, eps_rel, last=None):
     The tolerances decide which constraints contradict each other.
     """
     q, b, h, lb, ub = qp.q, qp.b, qp.h, qp.lb.copy(), qp.ub.copy()
-    by, entry = np.full(q.size, -1, np.int32), np.empty(q.size)
+    by, entry = constant(q.size, -1, np.int32), np.empty(q.size)
     fix_by_rows(qp.G.indptr, qp.G.indices, qp.G.data, h, lb, ub, by, entry)
     column = (by >= 0).nonzero()[0]
     is_fixed = np.isfinite(lb) & np.isfinite(ub)
@@ -181,7 +182,7 @@ def presolve(qp, eps_abs, eps_rel, last=None):
         A_groups, G_groups = last.A_groups, last.G_groups
     else:
         P = submatrix(qp.P, kept, kept)
-        A, A_groups = leading_rows(qp.A, kept, np.ones(b.size, dtype=np.bool_))
+        A, A_groups = leading_rows(qp.A, kept, constant(b.size, True, np.bool_))
         G, G_groups = leading_rows(qp.G, kept, h < np.inf)
     tol = eps_abs if eps_abs > 0.0 else eps_rel
     ends, b_of, wrong = merged("A", A_groups, b, tol)

@@ -13,6 +13,7 @@ from cython.cimports.namlcp.linalg.vectors import float_bits
 from scipy.sparse import csr_array
 
 from namlcp.checks import from_arrays
+from namlcp.entries import constant
 from namlcp.linalg import arrays_of, by_rows, submatrix, without_zeros
 
 # Largest relative difference between entries of two rows, one row scaled.
@@ -39,11 +40,12 @@ def leading_rows(M, columns, wanted):
 
     Stored zeros are dropped.
     """
-    number, ratio = np.full(wanted.size, UNWANTED, np.int32), np.ones(wanted.size)
+    number = constant(wanted.size, UNWANTED, np.int32)
+    ratio = constant(wanted.size, 1.0)
     rows = wanted.nonzero()[0]
     C = by_rows(submatrix(without_zeros(M), rows, columns))
     key, own, first = np.empty((3, rows.size), np.int32)
-    table = np.full(1 << (2 * rows.size + 1).bit_length(), -1, np.int32)
+    table = constant(1 << (2 * rows.size + 1).bit_length(), -1, np.int32)
     factor = np.empty(rows.size)
     count = group_rows(*arrays_of(C), key, table, own, factor, first)
     number[rows], ratio[rows] = own, factor

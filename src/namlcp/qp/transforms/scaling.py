@@ -17,6 +17,7 @@ import numpy as np
 from cython.cimports.libc.math import exp, fabs, log, sqrt
 from cython.cimports.namlcp.linalg.vectors import dot
 
+from namlcp.entries import constant
 from namlcp.linalg import columns
 from namlcp.qp.kkt import KKT
 
@@ -55,7 +56,7 @@ class ScaledQP:
         else:
             old = None if last is None else last.kkt
             self.kkt = KKT(small.P, small.A, small.G, old)
-            self.scale = np.ones(self.kkt.size)
+            self.scale = constant(self.kkt.size, 1.0)
             matrix = self.kkt.indptr, self.kkt.indices, self.kkt.base
             if not small.P.data.any():
                 even_out(*matrix, self.scale)
@@ -63,7 +64,8 @@ class ScaledQP:
         side = np.concatenate((small.sides.ravel(), small.ub, -small.lb))
         at = np.arange(n + p + rows, dtype=np.int32)
         place = np.concatenate((at[n + p :], at[n + p :], at[:n], at[:n]))
-        sign = np.repeat((1.0, -1.0, 1.0, -1.0), (rows, rows, n, n))
+        sign = constant(2 * (rows + n), 1.0)
+        sign[rows : 2 * rows] = sign[2 * rows + n :] = -1.0
         finite = self.finite = np.isfinite(side).nonzero()[0]
         self.place, self.sign, self.side = place[finite], sign[finite], side[finite]
         self.scale_vectors()

@@ -21,6 +21,7 @@ from cython.cimports.namlcp.linalg.arrays import numbers
 from cython.cimports.namlcp.linalg.csc import Columns, take_columns
 from scipy.sparse import csc_array
 
+from namlcp.entries import constant
 from namlcp.limits import NEVER, PASS
 from namlcp.linalg import (
     add_transposed,
@@ -129,17 +130,17 @@ def substitute(qp, last=None, deadline=NEVER):
     """
     if last is not None and last.fits(qp):
         return last._replace(user=qp)
-    deadline.check(PASS * qp.A.nnz)
+    deadline.check(PASS * qp.A.data.size)
     n, m, p = qp.q.size, qp.h.size, qp.b.size
     chosen, (pivot, cost, work) = np.empty(p, dtype=np.int32), np.empty((3, p))
     if find_free_columns(qp, chosen, pivot, cost, work) == 0:
         return None
     if not (qp.lb <= qp.ub).all():
         return None
-    deadline.check(PASS * qp.A.nnz)
+    deadline.check(PASS * qp.A.data.size)
     by, others = (chosen >= 0).nonzero()[0], (chosen < 0).nonzero()[0]
     columns, pivot, cost = chosen[by], pivot[by], cost[by]
-    stays = np.ones(n, dtype=np.bool_)
+    stays = constant(n, True, np.bool_)
     stays[columns] = False
     kept = stays.nonzero()[0]
     P, G, A = (without_zeros(M) for M in (qp.P, qp.G, qp.A))
