@@ -161,6 +161,12 @@ def test_what_far_scales_found(seed, index):
     assert found["outcome"] in ("right", "refused"), found
 
 
+def test_a_proof_holds_in_units_that_equilibrate():
+    """Multipliers of bounds count in the units of the dual residual, not of x."""
+    found = campaign.examine(problems.make(1, 23880), "nam", 1e-6, 10.0)
+    assert found["outcome"] == "right", found
+
+
 @pytest.mark.parametrize("index", [39, 1889, 7229])
 def test_wrong_signs_within_tolerance_are_put_right(index):
     """P curves by 1e-8: a multiplier of -1e-11 moves x by 1e-3."""

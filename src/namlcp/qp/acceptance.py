@@ -108,7 +108,7 @@ def prove_infeasible(c, x, y, z, z_box):
     for has_units in range(2):
         if has_units:
             equilibrate(c, False)
-        worst, most = largest_in(s, c.units, n), largest_per(z_box, c.units, n)
+        worst, most = largest_in(s, c.units, n), largest_in(z_box, c.units, n)
         most = max(most, largest_per(y, c.units + n, p))
         most = max(most, largest_per(z, c.units + n + p, c.m))
         margin, moduli = factor * c.tol * found.lam, factor * found.moduli
