@@ -166,11 +166,6 @@ class Relaxation:
             for weight in np.ravel(weights).tolist():
                 check_number(name, weight, 0.0)
 
-    @cached_property
-    def is_uniform(self) -> bool:
-        """Tell whether each weight is one number for all."""
-        return not any(np.ndim(getattr(self, side)) for side in SIDES)
-
 
 def relaxation_of(infeasible: object) -> Relaxation | None:
     """Return what `Options.infeasible` asks for, None for a certificate alone.
