@@ -180,10 +180,8 @@ def test_a_qp_is_solved_with_either_kind_of_factors(monkeypatch):
     np.testing.assert_allclose(heavy.x, usual.x, atol=1e-7)
 
 
-def test_what_is_raised_in_a_long_factorisation_ends_it(monkeypatch):
-    K = quasi_definite(200, 150, 1.0, 1)
-    U = upper(K)
-    fronts = by_degree(Fronts)(U)
+def assert_ended_by_ctrl_c(monkeypatch, factors, data):
+    """What the first look at the clock raises comes out of the factorisation."""
 
     def press():
         raise KeyboardInterrupt
@@ -191,7 +189,14 @@ def test_what_is_raised_in_a_long_factorisation_ends_it(monkeypatch):
     with monkeypatch.context() as patch:
         patch.setattr("time.perf_counter", press)
         with pytest.raises(KeyboardInterrupt):
-            fronts.refactor(U.data)
+            factors.refactor(data)
+
+
+def test_what_is_raised_in_a_long_factorisation_ends_it(monkeypatch):
+    K = quasi_definite(200, 150, 1.0, 1)
+    U = upper(K)
+    fronts = by_degree(Fronts)(U)
+    assert_ended_by_ctrl_c(monkeypatch, fronts, U.data)
     fronts.refactor(U.data)
     rhs = np.ones(len(K))
     np.testing.assert_allclose(K @ fronts.solve(rhs), rhs, atol=1e-8)
@@ -237,14 +242,7 @@ def test_all_threads_stop_and_begin_again(monkeypatch):
     for value in (0.0, np.nan):
         with pytest.raises(ValueError, match="pivot"):
             f.refactor(U.data * value)
-
-    def press():
-        raise KeyboardInterrupt
-
-    with monkeypatch.context() as patch:
-        patch.setattr("time.perf_counter", press)
-        with pytest.raises(KeyboardInterrupt):
-            f.refactor(U.data)
+    assert_ended_by_ctrl_c(monkeypatch, f, U.data)
     f.refactor(U.data)
     K, one = csc_array(U + triu(U, 1).T), np.ones(U.shape[0])
     K.sort_indices()
