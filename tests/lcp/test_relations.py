@@ -67,6 +67,17 @@ def test_a_start_is_returned_only_if_it_is_far_better_than_asked_for():
     np.testing.assert_array_equal(result.z, nearer)
 
 
+@pytest.mark.parametrize("size", [1e-8, 1e8])
+def test_a_start_is_measured_in_the_units_of_the_data(size):
+    """Where Res as given and scaled to a unit diagonal are on either side of eps_abs."""
+    A, start = size * np.array([[2.0, 1.0], [1.0, 2.0]]), np.array([1.0, 1.0 + 1e-10])
+    error = np.linalg.norm(A @ (start - 1.0))
+    eps_abs = 1e3 * error if size < 1.0 else 0.1 * error
+    result = solve_lcp(A, A @ [-1.0, -1.0], z0=start, eps_abs=eps_abs)
+    assert (result.status, result.method) == (Status.SOLVED, "pivoting")
+    assert (result.iterations == 0) == (size < 1.0)
+
+
 def test_a_start_at_the_solution_of_a_general_lcp_takes_one_factorisation():
     """Of a path, which ends inside a face; a vertex of Lemke's may take more."""
     A, q, *_ = CASES["friction 40 1e+00 0.2"].data
