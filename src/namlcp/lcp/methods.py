@@ -19,7 +19,7 @@ from namlcp.lcp.general.arc import arc
 from namlcp.lcp.general.cones import system_of
 from namlcp.lcp.general.enumeration import LARGEST_ENUMERATION, solve_by_enumeration
 from namlcp.lcp.general.games import solve_game
-from namlcp.lcp.general.interior import farkas, mehrotra
+from namlcp.lcp.general.interior import farkas
 from namlcp.lcp.general.lemke import solve_by_lemke, solve_lemke
 from namlcp.lcp.general.search import Search
 from namlcp.lcp.loops import MOST_SMALL
@@ -143,10 +143,6 @@ def lemke_is_faster(matrix: Prepared, deadline: Deadline) -> bool:
     return matrix.n <= LEMKE_ORDER and isinstance(matrix.compact, np.ndarray)
 
 
-def by_path(search: Search) -> None:
-    search.follow(mehrotra(search.model, search.system), "path")
-
-
 def by_proof(search: Search) -> Outcome | None:
     """Ask for a proof that there is no solution."""
     for v in farkas(search.lcp):
@@ -190,7 +186,7 @@ METHODS = (
     Method("lemke-howson", "bimatrix games", solve_game, stage="general"),
     Method("lemke first", "Lemke's paths", solve_by_lemke, stage="general",
            suits=lemke_is_faster),
-    Method("path", "an infeasible interior path", by_path, stage="general"),
+    Method("path", "an infeasible interior path", Search.by_path, stage="general"),
     Method("farkas", "a proof", by_proof, stage="general",
            suits=lambda A, _: A.n <= PROOF_ORDER),
     Method("enumeration", "all cones", solve_by_enumeration, stage="general",

@@ -1,10 +1,8 @@
-"""Factors of M + diag(x) for one matrix M and many x.
+"""Factors of M + diag(x) for one matrix M and many x."""
 
-`Shifted` has LU factors of any M, `Quasidefinite` those of symmetric matrices.
-"""
-
+import contextlib
 from collections.abc import Callable
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import sparse
@@ -21,33 +19,48 @@ HELD = 1e20
 class Factors(NamedTuple):
     """Factors of a sum, with as many entries.
 
-    solve: b, (n,) or (n, k), to the solution. is_positive: whether the determinant is.
+    solve: b, (n,) or (n, k), to the solution. is_positive: whether the determinant is,
+    of LU.
     """
 
     solve: Callable[[np.ndarray], np.ndarray]
     entries: int
-    is_positive: Callable[[], bool]
-
-
-class System(Protocol):
-    """A matrix, and the factors of its sums with diagonals."""
-
-    def factors(self, diagonal: np.ndarray) -> Any:
-        """Return the `Factors` of a sum, or what has their names; None if singular."""
+    is_positive: Any = None
 
 
 class Shifted:
-    """A matrix M, dense or sparse, and LU factors of its sums with diagonals."""
+    """A matrix M, dense or sparse, and the factors of its sums with diagonals: LU.
 
-    def __init__(self, M: Any):
-        self.M = M
+    A sparse M = [B C'; -C D] with symmetric B and D becomes symmetric when the signs of
+    its lower rows are changed; if B and D are semidefinite, its sums with x > 0 are
+    quasi-definite. With `signs` (m,), 1 in the upper rows and -1 in the lower ones,
+    they are factored as such: SuperLU takes up to a hundred times as long.
+    """
+
+    def __init__(self, M: Any, signs: np.ndarray | None = None):
+        self.M, self.signs = M, signs
+        if signs is not None:
+            self.own = M.diagonal()
+            pattern = M + sparse.diags_array(1.0 + np.abs(self.own))
+            upper = sparse.csc_array(sparse.triu(sparse.diags_array(signs) @ pattern))
+            upper.sort_indices()
+            self.data, self.last = upper.data, upper.indptr[1:] - 1
+            self.plan = plan_factors(upper.indptr, upper.indices)
 
     def factors(self, diagonal: np.ndarray) -> Factors | None:
-        """Factor M + diag(diagonal); return None if it is exactly singular."""
-        if sparse.issparse(self.M):
-            K = sparse.csc_array(self.M + sparse.diags_array(diagonal))
+        """Factor M + diag(diagonal); return None if it is exactly singular.
+
+        With signs, the next factors overwrite these, and solve takes a b (m,).
+        """
+        signs, M = self.signs, self.M
+        if signs is not None:
+            self.data[self.last] = signs * (self.own + diagonal)
+            with contextlib.suppress(ValueError):  # a pivot is 0, by rounding
+                self.plan.refactor(self.data)
+                return Factors(lambda b: self.plan.solve(signs * b), self.plan.entries)
+        if sparse.issparse(M):
             try:
-                lu = splu(K)
+                lu = splu(sparse.csc_array(M + sparse.diags_array(diagonal)))
             except RuntimeError:
                 return None
             return Factors(
@@ -55,47 +68,19 @@ class Shifted:
                 int(lu.nnz),
                 lambda: is_even(lu.U.diagonal(), lu.perm_r, lu.perm_c),
             )
-        K = self.M.copy(order="F")
+        K = M.copy(order="F")
         K[np.diag_indices_from(K)] += diagonal
         lu, pivots, info = dgetrf(K, overwrite_a=1)
         if info != 0:
             return None
-
-        def is_positive() -> bool:
-            swaps = np.count_nonzero(pivots != np.arange(pivots.size))
-            return bool((swaps + np.count_nonzero(lu.diagonal() < 0.0)) % 2 == 0)
-
-        return Factors(lambda b: dgetrs(lu, pivots, b)[0], lu.size, is_positive)
-
-
-class Quasidefinite:
-    """A sparse matrix M that is symmetric but for signs, and its sums with x > 0.
-
-    M = [B C'; -C D] with symmetric B and D becomes symmetric when the signs of its
-    lower rows are changed; if B and D are semidefinite, the sums are quasi-definite.
-    They are factored as such: SuperLU takes up to a hundred times as long.
-    """
-
-    def __init__(self, M: sparse.csc_array, signs: np.ndarray):
-        """`signs` (m,) is 1 in the upper rows, -1 in the lower ones."""
-        self.M, self.signs, self.own = M, signs, M.diagonal()
-        pattern = M + sparse.diags_array(1.0 + np.abs(self.own))
-        upper = sparse.csc_array(sparse.triu(sparse.diags_array(signs) @ pattern))
-        upper.sort_indices()
-        self.data, self.last = upper.data, upper.indptr[1:] - 1
-        self.plan = plan_factors(upper.indptr, upper.indices)
-
-    def factors(self, diagonal: np.ndarray) -> Any:
-        self.data[self.last] = self.signs * (self.own + diagonal)
-        try:
-            self.plan.refactor(self.data)
-        except ValueError:  # a pivot is 0, by rounding: exchange rows
-            return Shifted(self.M).factors(diagonal)
-        return self
-
-    def solve(self, b: np.ndarray) -> np.ndarray:
-        """Return the solution for b (m,), with the factors of the last sum."""
-        return self.plan.solve(self.signs * b)
+        return Factors(
+            lambda b: dgetrs(lu, pivots, b)[0],
+            lu.size,
+            lambda: (
+                is_even(np.where(pivots == np.arange(pivots.size), 1.0, -1.0))
+                == is_even(lu.diagonal())
+            ),
+        )
 
 
 def is_even(pivots: np.ndarray, *orders: np.ndarray) -> bool:

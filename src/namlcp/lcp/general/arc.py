@@ -21,10 +21,9 @@ from typing import Any
 
 import numpy as np
 
-from namlcp.lcp.general.cones import Condensed
+from namlcp.lcp.general.cones import Condensed, System
 from namlcp.lcp.general.distances import Distances
 from namlcp.lcp.general.interior import Point
-from namlcp.lcp.shifted import System
 
 # Added to the unit diagonal, so that a singular matrix can be factored.
 SHIFT = 1e-12
@@ -130,7 +129,7 @@ def arc(model: Distances, system: System) -> Iterator[np.ndarray]:
         if t > LARGE_T or np.abs(at.p).max(initial=0.0) > FAR_AWAY:
             return
         factors = system.factors(model.total(at.m / at.gaps, 1.0) + SHIFT)
-        here = factors and Directions(curve, at, t, factors)
+        here = None if factors is None else Directions(curve, at, t, factors)
         off = here is None or not here.error <= (OFF_AGAIN if off else OFF)
         if here is not None and math.isfinite(here.error) and not (off and stack):
             here.h = 0.7 * h if here.error > FAR else h

@@ -31,7 +31,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy import sparse
 
-from namlcp.lcp.shifted import Shifted, System
+from namlcp.lcp.shifted import Shifted
 from namlcp.linalg import plan_lu
 
 # Largest difference of entries of M, whose diagonal is 1 or 0, that are taken for
@@ -289,6 +289,9 @@ class Condensed:
                 return ConeFactors(self, diagonal)
             except ValueError:  # a pivot is 0, or overflow
                 return None
+
+
+System = Shifted | Condensed
 
 
 def system_of(M: Any) -> System:

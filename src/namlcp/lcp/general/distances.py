@@ -13,13 +13,11 @@ p_{at_k}, and the multiplier m_k > 0. In a solution
     F = M p + c = sum of sign_k m_k over the pairs of an unknown,  g_k m_k = 0.
 """
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from scipy import sparse
 
-from namlcp.lcp.data import LCP
 from namlcp.residuals import natural_residual
 
 
@@ -39,9 +37,9 @@ class Distances:
         q: np.ndarray,
         lower: np.ndarray,
         upper: np.ndarray,
-        scaling: Callable[[Any], np.ndarray],
+        root: np.ndarray,
     ):
-        """Take a dense or sparse A; scaling(its rows that are not fixed) is 1 / |D|."""
+        """Take a dense or sparse A; root (n,) is 1 / |D|."""
         low, high = np.isfinite(lower), np.isfinite(upper)
         self.base = np.where(low, lower, np.where(high, upper, 0.0))
         self.top = upper
@@ -49,7 +47,7 @@ class Distances:
         c = (A @ self.base + q)[unfixed]
         if unfixed.size < q.size:
             A = A[:, unfixed][unfixed]
-        root = np.where(low | ~high, 1.0, -1.0)[unfixed] * scaling(A)
+        root = (np.where(low | ~high, 1.0, -1.0) * root)[unfixed]
         self.scale = 1.0 / root
         if sparse.issparse(A):
             D = sparse.diags_array(self.scale)
@@ -169,14 +167,3 @@ class Plain:
 
 def dense(A: Any) -> np.ndarray:
     return A.toarray() if sparse.issparse(A) else A
-
-
-def unit_model(lcp: LCP) -> Distances:
-    """Return a box LCP scaled to a unit diagonal; d_i = 1 where a_ii <= 0."""
-
-    def scaling(A: Any) -> np.ndarray:
-        diagonal = A.diagonal()
-        return np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
-
-    _, q, lower, upper = lcp
-    return Distances(lcp.matrix.compact, q, lower, upper, scaling)

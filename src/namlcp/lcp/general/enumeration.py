@@ -52,7 +52,7 @@ def solve_by_enumeration(search: Search) -> Outcome | None:
         z = lcp.start(plain.z(np.where(faces[k], x, 0.0)))
         if distance < nearest:
             nearest, best = distance, z
-        if distance <= OUTSIDE * size and search.criterion.accepts(z, lcp.w(z)):
+        if distance <= OUTSIDE * size and search.accepts(z, lcp.w(z)):
             count = int(k) + 1
             return lcp.outcome(Status.SOLVED, z, lcp.w(z), count, "enumeration")
     if nearest <= OUTSIDE * size:

@@ -26,8 +26,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from namlcp.lcp.general.cones import System
 from namlcp.lcp.general.distances import Distances
-from namlcp.lcp.shifted import HELD, Quasidefinite, Shifted, System
+from namlcp.lcp.shifted import HELD, Shifted
 
 # Wrong p or F, relative to the largest p and to max |c_i| = 1, that counts as 0.
 ROUNDING = 1e-13
@@ -73,7 +74,7 @@ def solve_on_face(
     rows = np.flatnonzero(free)
     if rows.size == 0:
         return
-    if isinstance(system, Quasidefinite):  # no order of elimination is made anew
+    if isinstance(system, Shifted) and system.signs is not None:  # one order for all
         rows, weight = np.arange(x.size), np.where(free, PROXIMAL, HELD)
     else:
         weight = np.full(rows.size, PROXIMAL)

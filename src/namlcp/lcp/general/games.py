@@ -34,12 +34,11 @@ from namlcp.status import Status
 FIRST_LIMIT, GROWTH, LAST_LIMIT = 20, 4, 1000
 
 
-Game = tuple[np.ndarray, np.ndarray, np.ndarray]
-"""A with row i divided by -q_i, and the labels of the two players."""
+def game_of(lcp: LCP) -> tuple[np.ndarray, ...] | None:
+    """Return the game if A is a permutation of [0 R; S 0] and q < 0, else None.
 
-
-def game_of(lcp: LCP) -> Game | None:
-    """Return the game if A is a permutation of [0 R; S 0] and q < 0, else None."""
+    That is A with row i divided by -q_i, and the labels of the two players.
+    """
     A, q = lcp.A, lcp.q
     if not 2 <= q.size <= LARGEST_TABLEAU or not (q < 0.0).all():
         return None
@@ -82,7 +81,7 @@ def solve_game(search: Search) -> Outcome | None:
                 z = basis_solution(cost, q, tableau)
                 z = np.maximum(tableau.values()[n : 2 * n] if z is None else z, 0.0)
                 w = lcp.w(z)
-                if search.criterion.accepts(z, w):
+                if search.accepts(z, w):
                     return lcp.outcome(Status.SOLVED, z, w, count, "lemke-howson")
         most *= GROWTH
     return None

@@ -22,8 +22,9 @@ import numpy as np
 from scipy import sparse
 
 from namlcp.lcp.data import LCP
+from namlcp.lcp.general.cones import System
 from namlcp.lcp.general.distances import Distances
-from namlcp.lcp.shifted import Quasidefinite, System
+from namlcp.lcp.shifted import Shifted
 
 # Added to the unit diagonal, so that a singular matrix can be factored; steps at most.
 SHIFT, STEPS = 1e-11, 100
@@ -164,8 +165,8 @@ def farkas(lcp: LCP) -> Iterator[np.ndarray]:
     weights = d[n:] * (np.abs(d * q).max(initial=0.0) or 1.0)
     lower = np.append(lcp.lower, np.where(low[rows], 0.0, -weights))
     upper = np.append(lcp.upper, np.where(high[rows], 0.0, weights))
-    model = Distances(matrix, q, lower, upper, lambda A: 1.0 / d[lower < upper])
-    system = Quasidefinite(model.M, np.where(model.unfixed < n, 1.0, -1.0))
+    model = Distances(matrix, q, lower, upper, 1.0 / d)
+    system = Shifted(model.M, np.where(model.unfixed < n, 1.0, -1.0))
     aim = CLEAR
     for p in mehrotra(model, system):
         v, F = np.zeros(n), model.F(p)

@@ -128,7 +128,7 @@ def follow(
     points = [lcp.start(plain.z(x)) for x in found if x is not None]
     z = min(points, key=lambda z: lcp.residual(z, lcp.w(z)))
     w, ray = lcp.w(z), None
-    if search.criterion.accepts(z, w):
+    if search.accepts(z, w):
         status = Status.SOLVED
     elif end not in (MORE, DONE):
         v = plain.direction(tableau.direction(entering)[names])

@@ -12,12 +12,12 @@ import numpy as np
 from scipy import sparse
 
 from namlcp.lcp.data import LCP, Criterion, is_solved_by_zero
-from namlcp.lcp.general.cones import system_of
-from namlcp.lcp.general.distances import Distances, Plain, unit_model
+from namlcp.lcp.general.cones import System, system_of
+from namlcp.lcp.general.distances import Distances, Plain
 from namlcp.lcp.general.exact import finish, proximal_steps
 from namlcp.lcp.general.interior import mehrotra
 from namlcp.lcp.pivoting.rays import proof
-from namlcp.lcp.shifted import Quasidefinite, System
+from namlcp.lcp.shifted import Shifted
 from namlcp.limits import Limits
 from namlcp.outcome import Outcome
 from namlcp.status import Status
@@ -34,24 +34,24 @@ POOR = 1e-11
 FACTORISATIONS = 5000
 
 
-class Search:
-    """The search for a solution of one LCP."""
+class Search(Criterion):
+    """The search for a solution of one LCP, with the best point so far."""
 
     def __init__(self, lcp: LCP, limits: Limits, before: int = 0):
         """`before` counts the factorisations of earlier methods."""
-        self.lcp, self.limits = lcp, limits
-        self.criterion = Criterion(lcp, limits)
+        super().__init__(lcp, limits)
         self.count, self.most = before, limits.max_iter or before + FACTORISATIONS
         self.z = lcp.start()
         self.w, self.method = lcp.w(self.z), "start"
         self.solved = is_solved_by_zero(lcp)
-        self.least = self.criterion.size  # scaled Res of the best point
+        self.least = self.size  # scaled Res of the best point
         self.ended = self.solved  # no better point is to be expected
 
     @cached_property
     def model(self) -> Distances:
         """The problem of the paths, scaled to a unit diagonal."""
-        return unit_model(self.lcp)
+        matrix, q, lower, upper = self.lcp
+        return Distances(matrix.compact, q, lower, upper, matrix.root)
 
     @cached_property
     def plain(self) -> Plain | None:
@@ -63,10 +63,9 @@ class Search:
 
     @cached_property
     def system(self) -> System:
-        """The linear systems of the path."""
         M = self.model.M
         if self.lcp.matrix.symmetric and sparse.issparse(M):
-            return Quasidefinite(M, np.ones(M.shape[0]))
+            return Shifted(M, np.ones(M.shape[0]))
         return system_of(M)
 
     def over(self) -> bool:
@@ -76,15 +75,21 @@ class Search:
     def offer(self, z: np.ndarray, method: str) -> None:
         """Keep z if its Res is the least so far."""
         w = self.lcp.w(z)
-        plain, scaled = self.criterion.residuals(z, w)
+        plain, scaled = self.residuals(z, w)
         if scaled < self.least:
             self.least, self.z, self.w, self.method = scaled, z, w, method
-            self.solved = self.criterion.met(plain, scaled)
+            self.solved = self.met(plain, scaled)
 
-    def report(self) -> None:
+    def counts(self) -> None:
+        """Count a factorisation, and report it."""
+        self.count += 1
         if self.limits.report is not None:
             residual = self.lcp.residual(self.z, self.w)
             self.limits.report(self.count, residual, self.lcp.active(self.z))
+
+    def by_path(self) -> None:
+        """Follow the infeasible interior path."""
+        self.follow(mehrotra(self.model, self.system), "path")
 
     def follow(self, points: Iterator[np.ndarray], method: str) -> np.ndarray:
         """Follow a path to its end; return its last point, having offered its best.
@@ -107,8 +112,7 @@ class Search:
                 self.seek(finish(model, self.system, p), method)
                 if self.over():
                     break
-            self.count += 1
-            self.report()
+            self.counts()
         self.offer(self.clipped(best), method)
         if least <= CLOSE and self.count < self.most:
             self.complete(best, method)
@@ -117,7 +121,7 @@ class Search:
         return last
 
     def complete(self, p: np.ndarray, method: str) -> None:
-        """Seek the exact solution near p; be content with what the limits allow."""
+        """Seek the exact solution near p; a solution then ends the search."""
         self.seek(finish(self.model, self.system, p), method)
         self.ended |= self.solved
 
@@ -129,9 +133,8 @@ class Search:
         The points come at one factorisation each.
         """
         for x in points:
-            self.count += 1
             self.offer(self.clipped(x), method)
-            self.report()
+            self.counts()
             exact = self.model.residual(x, self.model.F(x)) <= EXACT
             self.ended = exact or (any_solution and self.solved)
             if self.over():
@@ -147,12 +150,11 @@ class Search:
         self.offer(outcome.point.z, outcome.method)
         if outcome.status is not Status.SOLVED:
             return None
-        size = self.criterion.size
-        if self.least > EXACT * size:
+        if self.least > EXACT * self.size:
             self.complete(self.model.p(outcome.point.z), outcome.method)
-        if self.least > POOR * size:
+        if self.least > POOR * self.size:
             self.ended = False
-            self.follow(mehrotra(self.model, self.system), "path")
+            self.by_path()
         return self.lcp.outcome(
             outcome.status, self.z, self.w, outcome.iterations, self.method
         )
@@ -170,13 +172,10 @@ class Search:
 
     def outcome(self, message: str = "") -> Outcome:
         """Return the best point and what is known of it."""
+        status = Status.MAX_ITER if self.count >= self.most else Status.STALLED
         if self.solved:
             status = Status.SOLVED
         elif self.limits.deadline.reached():
             status = Status.TIME_LIMIT
-        else:
-            stopped = self.count >= self.most
-            status = Status.MAX_ITER if stopped else Status.STALLED
-        return self.lcp.outcome(
-            status, self.z, self.w, self.count, self.method, message
-        )
+        point = self.z, self.w
+        return self.lcp.outcome(status, *point, self.count, self.method, message)

@@ -34,7 +34,7 @@ from namlcp.lcp.modulus.kernels import (
     sweep_csr,
     sweep_dense,
 )
-from namlcp.lcp.shifted import Quasidefinite, Shifted, System
+from namlcp.lcp.shifted import Shifted
 from namlcp.linalg.csc import arrays_of
 from namlcp.linalg.definite import asymmetry
 
@@ -213,14 +213,13 @@ def fixed_step(lcp: LCP, chosen: Sweep, parameters: Parameters) -> Step | None:
 def factored_step(lcp: LCP, chosen: Sweep, parameters: Parameters) -> Step | None:
     A, omega, shift = lcp.A, parameters.omega, parameters.shift
     dense = isinstance(A, np.ndarray)
-    system: System
     if shift is not None:
         L = np.tril(A, -1) if dense else sparse.tril(A, -1)
         system = Shifted(A + L)
     elif dense or asymmetry(A)[0] > 0.0:
         system = Shifted(A)
     else:
-        system = Quasidefinite(sparse.csc_array(A), np.ones(omega.size))
+        system = Shifted(sparse.csc_array(A), np.ones(omega.size))
     factors = system.factors(omega if shift is None else omega + shift)
     if factors is None:
         return None

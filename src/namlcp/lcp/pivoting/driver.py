@@ -7,12 +7,13 @@ solution is checked on the caller's data.
 from typing import Any
 
 import numpy as np
+from scipy import sparse
 
 from namlcp.lcp.data import LCP, is_solved_by_zero
 from namlcp.lcp.pivoting.pivot import Code, pivot
 from namlcp.lcp.pivoting.rays import proof
 from namlcp.lcp.pivoting.state import Pivoting
-from namlcp.lcp.shifted import HELD, Quasidefinite, Shifted, System
+from namlcp.lcp.shifted import HELD, Shifted
 from namlcp.limits import Limits
 from namlcp.linalg.csc import submatrix
 from namlcp.measure import are_met, natural_residuals
@@ -47,7 +48,7 @@ class Attempt(Pivoting):
     free: np.ndarray
     factored = np.nan
     member: np.ndarray
-    system: System | None = None
+    system: Shifted | None = None
     factors: Any = None
 
     def __init__(
@@ -61,6 +62,11 @@ class Attempt(Pivoting):
         matrix, n = lcp.matrix, lcp.q.size
         vectors = lcp.q, lcp.lower, lcp.upper, np.empty(0) if z0 is None else z0
         super().__init__(matrix.columns, vectors, matrix.symmetric, limits.deadline.at)
+        # d: the scaled matrix is D A D. z, best, rhs, state (-1, 0, 1) of `pivot`.
+        self.d, self.z, self.best_z, self.rhs = self.memory[: 4 * n].reshape(4, n)
+        end = 10 * n + self.entries
+        self.scaled = self.memory[10 * n : end]
+        self.state = self.memory[end:].view(np.int32)[:n]
         self.lcp, self.limits = lcp, limits
         self.most = limits.max_iter or MAX_FACTORISATIONS
         self.eps_abs, self.eps_rel = limits.eps_abs, limits.eps_rel
@@ -92,7 +98,8 @@ class Attempt(Pivoting):
         return lcp.outcome(status, z, w, count, "pivoting", ray=self.ray)
 
     def best(self) -> np.ndarray:
-        return self.best_point(self.lcp.lower, self.lcp.upper)
+        """Return the best z so far, in the caller's scaling."""
+        return np.clip(self.best_z * self.d, self.lcp.lower, self.lcp.upper)
 
     def is_unsolvable(self) -> bool:
         with np.errstate(all="ignore"):  # the direction may overflow
@@ -119,9 +126,10 @@ class Attempt(Pivoting):
                 lower, upper = self.lcp.lower, self.lcp.upper
                 self.member = lower < upper if self.symmetric else free
                 rows = np.flatnonzero(self.member)
-                A = submatrix(self.scaled_matrix, rows, rows)
-                ones = np.ones(rows.size)
-                self.system = Quasidefinite(A, ones) if self.symmetric else Shifted(A)
+                _, indptr, indices, _ = self.lcp.matrix.columns
+                A = sparse.csc_array((self.scaled, indices, indptr))
+                A = submatrix(A, rows, rows)
+                self.system = Shifted(A, np.ones(rows.size) if self.symmetric else None)
             shift = np.where(free, self.rho, HELD)[self.member]
             self.factors = self.system.factors(shift)
         self.z[free] = np.nan

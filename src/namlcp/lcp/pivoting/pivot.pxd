@@ -37,5 +37,4 @@ cdef int use_solution(Pivoting m) noexcept nogil
 cdef void clip_rounding(Pivoting m) noexcept nogil
 cdef Py_ssize_t set_goals(Pivoting m) noexcept nogil
 cdef void reset_patience(Pivoting m, double rho) noexcept nogil
-cdef bint may_end_early(Pivoting m, Py_ssize_t wrong) noexcept nogil
 cdef int end_outer_step(Pivoting m) noexcept nogil

@@ -28,8 +28,8 @@ from cython.cimports.namlcp.watch import look_at_clock, raise_kept
 # FIRST_SWEEPS: first sweeps at most; STILL_SWEEPS: sweeps in a row without a change of
 # state that end them. BLOCK_STEPS: changes of states without fewer wrong signs until
 # block pivoting is given up. OUTER_STEPS: proximal steps at most. EARLY_STEPS, FEW,
-# SOME: those that may end early, while at most one sign in FEW is wrong and more than
-# SOME factorisations were made: see `may_end_early`.
+# SOME: those of a symmetric A that may end early, while at most one sign in FEW is
+# wrong and more than SOME factorisations were made.
 # Relaxation parameter of the first sweeps.
 SWEEP_RELAXATION = 1.4
 # The proximal parameter, relative to the unit diagonal. With 1e-9 singular problems end
@@ -263,7 +263,11 @@ def use_solution(m):
             reset_patience(m, RHO)
             return GO_ON
     wrong = set_goals(m)
-    if wrong == 0 or may_end_early(m, wrong):
+    # Far from the solution an exact proximal step wastes factorisations; the next one
+    # uses the same factor unless rho changes.
+    early: cython.bint = m.symmetric and m.rho > 0.0 and m.factorisations > SOME
+    early = early and wrong < m.fewest_wrong and m.outer_steps < EARLY_STEPS
+    if wrong == 0 or (early and FEW * wrong <= m.n):
         return end_outer_step(m)
     if m.solved:
         return DONE
@@ -319,17 +323,6 @@ def reset_patience(m, rho):
     if rho != m.rho:
         m.rho = rho
         m.must_factor = True
-
-
-def may_end_early(m, wrong):
-    """Tell whether an outer step of a symmetric A may end with one sign in FEW wrong.
-
-    Solving the proximal problem exactly far from the solution wastes factorisations;
-    the next proximal step uses the same factor unless rho changes.
-    """
-    early: cython.bint = m.symmetric and m.rho > 0.0 and m.factorisations > SOME
-    falls: cython.bint = wrong < m.fewest_wrong and m.outer_steps < EARLY_STEPS
-    return early and falls and FEW * wrong <= m.n
 
 
 def end_outer_step(m):

@@ -81,33 +81,29 @@ def moved(
 ) -> np.ndarray | None:
     """Return v moved to (A'v)_rows = 0 with no sign changed, None if that fails.
 
-    The change is the least in the scaling d. Entries whose sign it would change are set
-    to 0, and a new one is computed without them.
+    The change D u is the least in the scaling d, (A'D u)_rows = (A'v)_rows. Entries
+    whose sign it would change are set to 0, and a new one is computed without them.
     """
+    A = lcp.A
+    steps = max(min(CORRECTION_STEPS, MULTIPLICATIONS // (A.size + v.size)), 1)
     for _ in range(DROPS):
         support = np.flatnonzero(v)
-        change = np.zeros(v.size)
-        change[support] = d[support] * correction(lcp, d, v, rows, support)
-        found = v - change
+        slope = d * (A.T @ v)
+        B = sparse.diags_array(d[support]) @ A[support] @ sparse.diags_array(d)
+        B = B.T[rows]
+        if v.size <= DENSE_CORRECTION:
+            B = B.toarray() if sparse.issparse(B) else B
+            u = np.linalg.lstsq(B, slope[rows], rcond=None)[0]
+        elif lcp.matrix.symmetric:
+            B = B[support].tocsr() if sparse.issparse(B) else B[support]
+            u = cg(B, slope[support], rtol=CORRECTION, maxiter=steps)[0]
+        else:
+            end = {"atol": CORRECTION, "btol": CORRECTION, "maxiter": steps}
+            u = lsmr(B, slope[rows], **end)[0]
+        found = v.copy()
+        found[support] -= d[support] * u
         turned = found * v < 0.0
         if not turned.any():
             return found
         v = np.where(turned, 0.0, v)
     return None
-
-
-def correction(
-    lcp: LCP, d: np.ndarray, v: np.ndarray, rows: np.ndarray, support: np.ndarray
-) -> np.ndarray:
-    """Return the least-squares u with (A'D u)_rows = (A'v)_rows on the support."""
-    A, slope = lcp.A, d * (lcp.A.T @ v)
-    B = (sparse.diags_array(d[support]) @ A[support] @ sparse.diags_array(d)).T[rows]
-    if v.size <= DENSE_CORRECTION:
-        B = B.toarray() if sparse.issparse(B) else B
-        return np.linalg.lstsq(B, slope[rows], rcond=None)[0]
-    steps = max(min(CORRECTION_STEPS, MULTIPLICATIONS // (A.size + v.size)), 1)
-    if lcp.matrix.symmetric:
-        B = B[support].tocsr() if sparse.issparse(B) else B[support]
-        return cg(B, slope[support], rtol=CORRECTION, maxiter=steps)[0]
-    b = slope[rows]
-    return lsmr(B, b, atol=CORRECTION, btol=CORRECTION, maxiter=steps)[0]

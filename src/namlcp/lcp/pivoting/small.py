@@ -14,7 +14,7 @@ from cython.cimports.namlcp.lcp.pivoting.pivot import (
     advance,
     begin_pivoting,
 )
-from cython.cimports.namlcp.lcp.pivoting.state import Pivoting, allocate, write_best
+from cython.cimports.namlcp.lcp.pivoting.state import Pivoting, allocate
 from cython.cimports.namlcp.linalg.arrays import data_of, fits, new_vector
 from cython.cimports.namlcp.linalg.vectors import copy, fill, hash_of
 from cython.cimports.namlcp.measure import are_met, both_residuals
@@ -70,7 +70,8 @@ def solve_small(A, q, lower, upper, start, stamp):
         return None
     z, w, s = new_vector(n), new_vector(n), new_vector(n)
     at_z, at_w, at_s = data_of(z), data_of(w), data_of(s)
-    write_best(m, low, high, at_z)
+    for i in range(n):
+        at_z[i] = min(max(m.best[i] * m.root[i], low[i]), high[i])
     affine_at(values, at_z, data_of(q), at_w, n)
     for i in range(n):
         m.y[i] = 1.0 / m.root[i]

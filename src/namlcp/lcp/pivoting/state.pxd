@@ -76,11 +76,8 @@ cdef class Pivoting(Watched):
         bint must_factor, is_short
         readonly object memory
         object given
-        double *begin
         double *end
 
 cdef double* reals(Pivoting m, Py_ssize_t count) noexcept nogil
 cdef int* flags(Pivoting m, Py_ssize_t count) noexcept nogil
 cdef int allocate(Pivoting m) except -1
-cdef void write_best(Pivoting m, const double* lower, const double* upper, double* z) noexcept nogil
-cdef object reals_of(Pivoting m, const double* vector, Py_ssize_t count)
