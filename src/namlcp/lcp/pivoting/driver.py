@@ -28,6 +28,9 @@ LARGE_ORDER, LARGE_ENTRIES = 2000, 20_000
 # Largest order at which sparse nonsymmetric systems are solved by dense LU.
 DENSE_ORDER = 600
 
+# Vectors in the memory: the scaled matrix is D A D; the iterate, the right-hand side.
+D, Z, RHS = range(3)
+
 STATUSES = {
     Code.DONE: Status.SOLVED,
     Code.HALTED: Status.STALLED,
@@ -62,11 +65,6 @@ class Attempt(Pivoting):
         matrix, n = lcp.matrix, lcp.q.size
         vectors = lcp.q, lcp.lower, lcp.upper, np.empty(0) if z0 is None else z0
         super().__init__(matrix.columns, vectors, matrix.symmetric, limits.deadline.at)
-        # d: the scaled matrix is D A D. z, best, rhs, state (-1, 0, 1) of `pivot`.
-        self.d, self.z, self.best_z, self.rhs = self.memory[: 4 * n].reshape(4, n)
-        end = 10 * n + self.entries
-        self.scaled = self.memory[10 * n : end]
-        self.state = self.memory[end:].view(np.int32)[:n]
         self.lcp, self.limits = lcp, limits
         self.most = limits.max_iter or MAX_FACTORISATIONS
         self.eps_abs, self.eps_rel = limits.eps_abs, limits.eps_rel
@@ -88,7 +86,8 @@ class Attempt(Pivoting):
             w = lcp.w(z)
             if status is Status.SOLVED and self.size > 0.0:
                 _, _, lower, upper = lcp
-                residuals = natural_residuals(z, w, lower, upper, 1.0 / self.d)
+                root = 1.0 / self.vector(D)
+                residuals = natural_residuals(z, w, lower, upper, root)
                 if not are_met(*self.limits.tolerances, self.size, *residuals):
                     status = Status.STALLED
         if status is Status.STALLED and is_solved_by_zero(lcp):
@@ -99,16 +98,16 @@ class Attempt(Pivoting):
 
     def best(self) -> np.ndarray:
         """Return the best z so far, in the caller's scaling."""
-        return np.clip(self.best_z * self.d, self.lcp.lower, self.lcp.upper)
+        return self.best_between(self.lcp.lower, self.lcp.upper)
 
     def is_unsolvable(self) -> bool:
         with np.errstate(all="ignore"):  # the direction may overflow
-            self.ray = proof(self.lcp, self.rhs * self.d)
+            self.ray = proof(self.lcp, self.vector(RHS) * self.vector(D))
         return self.ray is not None
 
     def report(self) -> None:
         if self.limits.report is not None:
-            active, z = np.count_nonzero(self.state), self.best()
+            active, z = np.count_nonzero(self.state()), self.best()
             residual = self.lcp.residual(z, self.lcp.w(z))
             self.limits.report(self.factorisations, residual, active)
 
@@ -118,7 +117,7 @@ class Attempt(Pivoting):
         Bounded unknowns may stay in the factors of a symmetric matrix, held by huge
         diagonal entries, so that one elimination order serves several free systems.
         """
-        free = self.state == 0
+        free, z = self.state() == 0, self.vector(Z)
         if self.rho != self.factored or (free != self.free).any():
             self.factorisations += 1
             self.free, self.factored = free, self.rho
@@ -127,12 +126,13 @@ class Attempt(Pivoting):
                 self.member = lower < upper if self.symmetric else free
                 rows = np.flatnonzero(self.member)
                 _, indptr, indices, _ = self.lcp.matrix.columns
-                A = sparse.csc_array((self.scaled, indices, indptr))
+                scaled = self.memory[10 * free.size :][: self.entries]
+                A = sparse.csc_array((scaled, indices, indptr))
                 A = submatrix(A, rows, rows)
                 self.system = Shifted(A, np.ones(rows.size) if self.symmetric else None)
             shift = np.where(free, self.rho, HELD)[self.member]
             self.factors = self.system.factors(shift)
-        self.z[free] = np.nan
+        z[free] = np.nan
         if self.factors is not None:
-            rhs = np.where(free, self.rhs, 0.0)[self.member]
-            self.z[free] = self.factors.solve(rhs)[free[self.member]]
+            rhs = np.where(free, self.vector(RHS), 0.0)[self.member]
+            z[free] = self.factors.solve(rhs)[free[self.member]]

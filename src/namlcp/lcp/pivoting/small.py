@@ -14,7 +14,7 @@ from cython.cimports.namlcp.lcp.pivoting.pivot import (
     advance,
     begin_pivoting,
 )
-from cython.cimports.namlcp.lcp.pivoting.state import Pivoting, allocate
+from cython.cimports.namlcp.lcp.pivoting.state import Pivoting, allocate, best_point
 from cython.cimports.namlcp.linalg.arrays import data_of, fits, new_vector
 from cython.cimports.namlcp.linalg.vectors import copy, fill, hash_of
 from cython.cimports.namlcp.measure import are_met, both_residuals
@@ -68,10 +68,8 @@ def solve_small(A, q, lower, upper, start, stamp):
         code = advance(m)
     if code != DONE:
         return None
-    z, w, s = new_vector(n), new_vector(n), new_vector(n)
+    z, w, s = best_point(m, low, high), new_vector(n), new_vector(n)
     at_z, at_w, at_s = data_of(z), data_of(w), data_of(s)
-    for i in range(n):
-        at_z[i] = min(max(m.best[i] * m.root[i], low[i]), high[i])
     affine_at(values, at_z, data_of(q), at_w, n)
     for i in range(n):
         m.y[i] = 1.0 / m.root[i]

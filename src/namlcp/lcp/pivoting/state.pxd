@@ -81,3 +81,4 @@ cdef class Pivoting(Watched):
 cdef double* reals(Pivoting m, Py_ssize_t count) noexcept nogil
 cdef int* flags(Pivoting m, Py_ssize_t count) noexcept nogil
 cdef int allocate(Pivoting m) except -1
+cdef object best_point(Pivoting m, const double* lower, const double* upper)

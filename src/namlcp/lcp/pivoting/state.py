@@ -40,6 +40,17 @@ class Pivoting(Watched):
     def __dealloc__(self):
         free(self.factor)
 
+    def best_between(self, lower, upper):
+        return best_point(self, numbers(lower, self.n), numbers(upper, self.n))
+
+    def vector(self, k):
+        """Return vector k as `allocate` lays them out, a view."""
+        return self.memory[k * self.n : (k + 1) * self.n]
+
+    def state(self):
+        """Return the states of the unknowns, a view."""
+        return self.memory[10 * self.n + self.entries :].view("i4")[: self.n]
+
 
 def reals(m, count):
     """Return the place of the next numbers."""
@@ -60,13 +71,11 @@ def allocate(m):
     m.memory = new_vector(size)
     m.end = data_of(m.memory)
     fill(m.end, 0.0, size)
-    # `driver` knows the places of the first four, of `scaled` and `side`.
-    m.root, m.own_z, m.best, m.own_rhs = (
-        reals(m, n), reals(m, n), reals(m, n), reals(m, n),
-    )  # fmt: skip
+    # `driver` knows the places of the first three and of `scaled`.
+    m.root, m.own_z, m.own_rhs = reals(m, n), reals(m, n), reals(m, n)
     m.q, m.lower, m.upper = reals(m, n), reals(m, n), reals(m, n)
-    m.w, m.centre, m.y = reals(m, n), reals(m, n), reals(m, n)
-    m.scaled = reals(m, m.entries)
+    m.w, m.centre, m.best = reals(m, n), reals(m, n), reals(m, n)
+    m.y, m.scaled = reals(m, n), reals(m, m.entries)
     m.side, m.goal, m.unit = flags(m, n), flags(m, n), flags(m, n)
     m.sequence, m.local = flags(m, n), flags(m, n)
     m.order, m.parent, m.counts = flags(m, n), flags(m, n), flags(m, n)
@@ -74,3 +83,12 @@ def allocate(m):
     for i in range(n):
         m.local[i] = -1
     return 0
+
+
+def best_point(m, lower, upper):
+    """Return the best z so far, in the caller's scaling, between these bounds."""
+    point = new_vector(m.n)
+    z = data_of(point)
+    for i in range(m.n):
+        z[i] = min(max(m.best[i] * m.root[i], lower[i]), upper[i])
+    return point
