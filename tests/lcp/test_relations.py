@@ -69,7 +69,7 @@ def test_a_start_is_returned_only_if_it_is_far_better_than_asked_for():
 
 @pytest.mark.parametrize("size", [1e-8, 1e8])
 def test_a_start_is_measured_in_the_units_of_the_data(size):
-    """Where Res as given and scaled to a unit diagonal are on either side of eps_abs."""
+    """Where eps_abs is between Res as given and scaled to a unit diagonal."""
     A, start = size * np.array([[2.0, 1.0], [1.0, 2.0]]), np.array([1.0, 1.0 + 1e-10])
     error = np.linalg.norm(A @ (start - 1.0))
     eps_abs = 1e3 * error if size < 1.0 else 0.1 * error

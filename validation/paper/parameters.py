@@ -112,7 +112,7 @@ def compare(scene: sweep_scenes.Scene, method: str) -> Row:
     fixed = "omega" not in chosen.takes or method == "modified-nam"
     given = Parameters(alpha, beta_of(method), None if fixed else "auto")
     step = AdaptiveStep(run.lcp, method, given)
-    auto, products = run.sweeps(step, cap), step.spectrum.products
+    auto, products = run.sweeps(step, cap), step.products
     row: Row = {"n": scene.q.size}
     row |= {"grid_alpha": where[0], "grid_c": where[1], "grid_sweeps": shown(best)}
     row |= {"auto_alpha": step.alpha if alpha else None}

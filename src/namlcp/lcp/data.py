@@ -81,7 +81,6 @@ class LCP(NamedTuple):
         ray: np.ndarray | None = None,
         s: np.ndarray | None = None,
     ) -> Outcome:
-        """Return how a method has ended, with the residual of its point."""
         point, residual = LCPPoint(z, w, s), self.residual(z, w)
         return Outcome(status, point, residual, iterations, method, message, ray)
 
@@ -115,7 +114,6 @@ class Criterion:
         return max(self.limits.eps_rel * self.size, self.limits.eps_abs / largest)
 
     def accepts(self, z: np.ndarray, w: np.ndarray) -> bool:
-        """Tell whether z with w = A z + q solves the problem."""
         return self.met(*self.residuals(z, w))
 
     def met(self, plain: float, scaled: float) -> bool:

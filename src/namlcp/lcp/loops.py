@@ -44,7 +44,6 @@ def affine(A, z, q):
 
 
 def affine_at(A, z, q, w, n):
-    """Set w = A z + q."""
     for i in range(n):
         w[i] = dot(A + i * n, z, n) + q[i]
 

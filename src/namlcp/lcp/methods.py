@@ -134,7 +134,6 @@ def is_large(matrix: Prepared, deadline: Deadline) -> bool:
 
 
 def has_cycles(matrix: Prepared, deadline: Deadline) -> bool:
-    """Tell whether a large sparse matrix suits multigrid cycles."""
     return is_large(matrix, deadline) and hierarchy_of(matrix, deadline) is not None
 
 

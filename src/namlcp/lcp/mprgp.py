@@ -144,11 +144,9 @@ class Descent:
         return np.where(self.y >= self.upper, upper, z), self.g * self.root
 
     def product(self, x: np.ndarray) -> np.ndarray:
-        """Return D^(-1/2) A D^(-1/2) x."""
         return (self.lcp.A @ (x / self.root)) / self.root
 
     def refresh(self, y: np.ndarray) -> None:
-        """Go to y, and compute its gradient."""
         self.go(y, self.product(y) + self.q)
 
     def go(self, y: np.ndarray, g: np.ndarray) -> None:
@@ -166,7 +164,6 @@ class Descent:
         return float(np.min((self.y - bound)[moves] / p[moves], initial=math.inf))
 
     def step(self) -> Status | None:
-        """Take one step, or return the status with which the method ends."""
         at_lower, at_upper = self.y <= self.lower, self.y >= self.upper
         inwards = np.where(at_lower, self.g < 0.0, at_upper & (self.g > 0.0))
         beta = np.where(inwards & ~(at_lower & at_upper), self.g, 0.0)

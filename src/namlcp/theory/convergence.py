@@ -86,11 +86,13 @@ from namlcp.theory.comparison import (
     is_weakly_dominant,
     radius_bounds,
 )
-from namlcp.theory.splittings import Splitting, comparison, lowered, splitting
+from namlcp.theory.splittings import Splitting, comparison, splitting
 
 # Largest order at which dense inverses and eigenvalues are computed, and the least
 # density at which a larger matrix gets a dense Cholesky factorisation.
 LARGEST_DENSE, FILLED = 600, 0.1
+# Bound for the rounding errors of the entries of K, relative to their terms.
+SAFE = 1e-13
 # Values of eps for which Q is sought, in this order.
 MARGINS = (1e-2, 1e-5)
 QUADRATIC = "contraction in the norm of Q = witness (bounded real lemma)"
@@ -178,7 +180,8 @@ def undecided(checked: str = "") -> Verdict:
 def by_comparison(parts: Splitting, semidefinite: bool) -> Verdict:
     """Ask whether K = C - W is an M-matrix."""
     C, W = comparison(parts)
-    verdict = is_m_matrix(lowered(C, W))
+    # if this is an M-matrix, so is the exact C - W
+    verdict = is_m_matrix(C - SAFE * abs(C) - (1.0 + SAFE) * W)
     if not verdict:
         return undecided(f"K = C - W is not an M-matrix ({verdict.checked})")
     name = "Zheng and Yin 2013; Ahn 1981" if parts.H else "Theorem 3, repaired"

@@ -16,9 +16,6 @@ from namlcp.checks import finite_square_matrix
 from namlcp.lcp import SWEEPS, Parameters, find_method
 from namlcp.lcp.modulus.methods import checked_parameters
 
-# Bound for the rounding errors of the entries of K, relative to their terms.
-SAFE = 1e-13
-
 
 class Splitting(NamedTuple):
     """A method on a matrix: the quantities of (1), and those of its sweep.
@@ -94,8 +91,3 @@ def comparison(parts: Splitting) -> tuple[Any, Any]:
     C = 2.0 * sparse.diags_array(np.abs(X.diagonal())) - abs(X)  # <X>
     W = abs(N) + abs(sparse.diags_array(omega) - A)
     return sparse.csr_array(C), sparse.csr_array(W)
-
-
-def lowered(C: Any, W: Any) -> Any:
-    """Return C - W - SAFE (|C| + W): if it is an M-matrix, so is the exact C - W."""
-    return sparse.csr_array(C - SAFE * abs(C) - (1.0 + SAFE) * W)

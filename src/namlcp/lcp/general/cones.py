@@ -26,7 +26,7 @@ The contacts are found in the matrix: a speed is an unknown with a diagonal entr
 whose column has d entries v_j > 0, and whose row has -v_j there and one entry more.
 """
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from scipy import sparse
@@ -39,26 +39,8 @@ from namlcp.linalg import plan_lu
 SAME = 1e-11
 
 
-class Cones(NamedTuple):
-    """The friction cones of k contacts with d directions in p dimensions.
-
-    g, normal (k,): indices of the speeds and of the normal impulses x_l. b (k, d):
-    those of the impulses along the directions, the first p a basis. kappa (k,) and
-    v (k, d): entries of M. c (k, d, p): tau_j / v_j. remaining: indices of what is not
-    eliminated, all unknowns but g and b[:, p:].
-    """
-
-    g: np.ndarray
-    normal: np.ndarray
-    b: np.ndarray
-    kappa: np.ndarray
-    v: np.ndarray
-    c: np.ndarray
-    remaining: np.ndarray
-
-
-def cones_of(M: Any) -> Cones | None:
-    """Return the friction cones in a sparse M, None if there are none that fit."""
+def cones_of(M: Any) -> tuple[np.ndarray, ...] | None:
+    """Return what `Condensed` takes beside a sparse M, None if there are no cones."""
     M = sparse.csr_array(M)
     by_columns = sparse.csc_array(M)
     g = np.flatnonzero(M.diagonal() == 0.0)
@@ -87,30 +69,24 @@ def cones_of(M: Any) -> Cones | None:
     tau = gram @ np.linalg.inv(gram[:, :p])
     eliminated = np.concatenate((g, b[:, p:].ravel()))
     remaining = np.setdiff1d(np.arange(M.shape[0]), eliminated)
-    cones = Cones(g, rest.indices, b, rest.data, v, tau / v[:, :, None], remaining)
-    return cones if spans(M, cones, tau) else None
-
-
-def spans(M: Any, cones: Cones, tau: np.ndarray) -> bool:
-    """Tell whether M = U N U' but for the rows and columns of the speeds."""
-    n, (_, d, p) = M.shape[0], tau.shape
-    plain = np.setdiff1d(cones.remaining, cones.b[:, :p])
+    # M must be U N U' but for the rows and columns of the speeds
+    n, plain = M.shape[0], np.setdiff1d(remaining, b[:, :p])
     position = np.empty(n, dtype=np.intp)
-    position[cones.remaining] = np.arange(cones.remaining.size)
-    row = np.repeat(cones.b.ravel(), p)
-    column = position[np.repeat(cones.b[:, None, :p], d, axis=1)].ravel()
-    U = sparse.csr_array(
-        (
-            np.append(np.ones(plain.size), tau.ravel()),
-            (np.append(plain, row), np.append(position[plain], column)),
-        ),
-        shape=(n, cones.remaining.size),
+    position[remaining] = np.arange(remaining.size)
+    column = position[np.repeat(b[:, None, :p], d, axis=1)].ravel()
+    places = (
+        np.append(plain, np.repeat(b.ravel(), p)),
+        np.append(position[plain], column),
     )
+    entries = np.append(np.ones(plain.size), tau.ravel())
+    U = sparse.csr_array((entries, places), shape=(n, remaining.size))
     other = np.ones(n)
-    other[cones.g] = 0.0
+    other[g] = 0.0
     left = sparse.diags_array(other)
-    difference = left @ M @ left - U @ M[cones.remaining][:, cones.remaining] @ U.T
-    return float(np.abs(difference.data).max(initial=0.0)) <= SAME
+    difference = left @ M @ left - U @ M[remaining][:, remaining] @ U.T
+    if not np.abs(difference.data).max(initial=0.0) <= SAME:
+        return None
+    return g, rest.indices, b, rest.data, v, tau / v[:, :, None], remaining
 
 
 def principal(
@@ -166,13 +142,11 @@ class ConeFactors:
 
     def __init__(self, system: "Condensed", diagonal: np.ndarray):
         """Factor; raise ValueError if a pivot of the remainder is 0."""
-        self.cones = cones = system.cones
-        self.basis = system.basis
-        self.e = cones.v**2 / diagonal[cones.b]
+        self.e = system.v**2 / diagonal[system.b]
         self.s = self.e.sum(axis=1)
-        self.d_g = diagonal[cones.g]
+        self.d_g = diagonal[system.g]
         self.h = self.s / (self.s + self.d_g)
-        m = np.einsum("kj,kjp->kp", self.e, cones.c) / self.s[:, None]
+        m = np.einsum("kj,kjp->kp", self.e, system.c) / self.s[:, None]
         # c_j - m would lose its digits where e_j is most of s
         off = np.einsum("ki,kjip->kjp", self.e / self.s[:, None], system.between)
         vectors = np.concatenate((off, m[:, None]), axis=1)
@@ -180,14 +154,14 @@ class ConeFactors:
         values, axes, turned = principal(weights, vectors)
         self.off, self.m = turned[:, :-1], turned[:, -1]
         self.inverse = 1.0 / values
-        slope = -(self.h * cones.kappa)[:, None] * self.inverse * self.m
-        self.remaining, self.system, self.axes = cones.remaining, system, axes
+        slope = -(self.h * system.kappa)[:, None] * self.inverse * self.m
+        self.system, self.axes = system, axes
         data = system.turn(axes)
         own = data[system.diagonal[system.turned]]
         # y is C^-1 (...) and N (x, t): the smaller factor rounds less
         self.soft = self.inverse > own
         # what remains is V'N V with all C^-1 and slopes
-        change = diagonal[self.remaining]
+        change = diagonal[system.remaining]
         change[system.turned] = self.inverse
         data[system.diagonal] += change
         data[system.slopes] += slope.ravel()
@@ -202,44 +176,50 @@ class ConeFactors:
         """Return the solution for r, (n,) or (n, k)."""
         if r.ndim == 2:
             return np.column_stack([self.solve(column) for column in r.T])
-        cones, basis = self.cones, self.basis
-        rho = r[cones.b] / cones.v
+        system = self.system
+        basis, remaining, b, g = system.basis, system.remaining, system.b, system.g
+        rho = r[b] / system.v
         weighted = self.e * rho
         total = weighted.sum(axis=1)
-        sigma = self.d_g * total / self.s - r[cones.g]
+        sigma = self.d_g * total / self.s - r[g]
         side = np.einsum("kj,kjp->kp", weighted, self.off)
         side += (self.h * sigma)[:, None] * self.m
         condensed = r.copy()
         condensed[basis] = self.inverse * side
         x = np.zeros_like(r)
-        x[self.remaining] = self.lu.solve(condensed[self.remaining])
-        t, x_l = x[basis], x[cones.normal]
-        y = self.inverse * (side - t + (self.h * cones.kappa * x_l)[:, None] * self.m)
+        x[remaining] = self.lu.solve(condensed[remaining])
+        t, x_l = x[basis], x[system.normal]
+        y = self.inverse * (side - t + (self.h * system.kappa * x_l)[:, None] * self.m)
         x[basis] = np.einsum("kpq,kq->kp", self.axes, t)
-        speeds = (self.system.N @ x[self.remaining])[self.system.turned]
+        speeds = (system.N @ x[remaining])[system.turned]
         y = np.where(self.soft, np.einsum("kpq,kp->kq", self.axes, speeds), y)
         middle = np.einsum("kp,kp->k", self.m, y)  # the speed is lifted by this
-        lifted = r[cones.g] - cones.kappa * x_l + total + self.d_g * middle
+        lifted = r[g] - system.kappa * x_l + total + self.d_g * middle
         lifted /= self.s + self.d_g
-        x[cones.g] = lifted - middle
+        x[g] = lifted - middle
         free = rho - np.einsum("kjp,kp->kj", self.off, y) - lifted[:, None]
-        x[cones.b] = self.e * free / cones.v
+        x[b] = self.e * free / system.v
         return x
 
 
 class Condensed:
-    """A sparse M with friction cones, and factors of its sums with diagonals > 0."""
+    """A sparse M with friction cones, and factors of its sums with diagonals > 0.
 
-    def __init__(self, M: Any, cones: Cones):
-        self.cones = cones
-        self.basis = cones.b[:, : cones.c.shape[2]]
-        self.between = cones.c[:, :, None] - cones.c[:, None]
-        remaining = cones.remaining
-        size, p = remaining.size, self.basis.shape[1]
+    There are k contacts with d directions in p dimensions. g, normal (k,): indices of
+    the speeds and of the normal impulses x_l. b (k, d): those of the impulses along the
+    directions, the first p a basis. kappa (k,) and v (k, d): entries of M. c (k, d, p):
+    tau_j / v_j. remaining: indices of what is not eliminated, all but g and b[:, p:].
+    """
+
+    def __init__(self, M: Any, cones: tuple[np.ndarray, ...]):
+        self.g, self.normal, self.b, self.kappa, self.v, self.c, remaining = cones
+        self.remaining, size, p = remaining, remaining.size, self.c.shape[2]
+        self.basis = self.b[:, :p]
+        self.between = self.c[:, :, None] - self.c[:, None]
         position = np.empty(M.shape[0], dtype=np.int64)
         position[remaining] = np.arange(size)
         self.turned = position[self.basis]
-        normal = position[cones.normal]
+        normal = position[self.normal]
         self.partner = np.arange(size)
         self.partner[self.turned] = self.turned[:, ::-1]
         # all entries that turning and D may change are stored, zeros too, and those
@@ -265,8 +245,7 @@ class Condensed:
         self.fronts = plan_lu(self.N.indptr, self.N.indices)
 
     def at(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
-        """Return where these entries of N are stored."""
-        return np.searchsorted(self.stored, columns * self.cones.remaining.size + rows)
+        return np.searchsorted(self.stored, columns * self.remaining.size + rows)
 
     def turn(self, axes: np.ndarray) -> np.ndarray:
         """Return the stored entries of V'N V, V the axes of each contact."""

@@ -81,14 +81,12 @@ class Search(Criterion):
             self.solved = self.met(plain, scaled)
 
     def counts(self) -> None:
-        """Count a factorisation, and report it."""
         self.count += 1
         if self.limits.report is not None:
             residual = self.lcp.residual(self.z, self.w)
             self.limits.report(self.count, residual, self.lcp.active(self.z))
 
     def by_path(self) -> None:
-        """Follow the infeasible interior path."""
         self.follow(mehrotra(self.model, self.system), "path")
 
     def follow(self, points: Iterator[np.ndarray], method: str) -> np.ndarray:

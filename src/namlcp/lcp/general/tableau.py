@@ -46,7 +46,6 @@ class Tableau:
         self.place = indices(position, 2 * self.n + 1)
 
     def copy(self):
-        """Return another one that may be changed."""
         parts = self.rows, self.basic, self.nonbasic, self.position
         return Tableau(*[part.copy() for part in parts])
 

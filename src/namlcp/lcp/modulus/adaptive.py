@@ -59,7 +59,6 @@ from namlcp.lcp.modulus.methods import (
     fixed_step,
     positive_diagonal,
 )
-from namlcp.lcp.prepared import Prepared
 
 # c >= LEAST_C G sqrt(f) / (p - c), f the geometric mean of b - 2 for the free rows and
 # for the whole matrix. c is at least SMALL_C: with less, s hardly changes at a bound.
@@ -96,6 +95,10 @@ class AdaptiveStep(Step):
 
     When Omega changes, s = z - w/Omega is recomputed for the same z and w, so that a
     solution remains a fixed point. `step` is None if the first factorisation fails.
+
+    low, high: estimates of the extreme eigenvalues of the scaled A on the free rows, a
+    and b of the module. above: b of the whole matrix, 0 before the first estimate.
+    products: products with A for them so far.
     """
 
     def __init__(self, lcp: LCP, name: str, parameters: Parameters):
@@ -115,16 +118,24 @@ class AdaptiveStep(Step):
         self.beta = self.method.beta if beta is None else checked.beta
         self.shift = checked.shift
         self.e = 0.0 if self.shift is None else mean(self.shift / D)
-        self.spectrum, self.all_free = Spectrum(lcp.matrix), False
+        matrix = lcp.matrix
+        self.C = matrix.A if matrix.symmetric else symmetric_form(matrix.A)
+        self.root = matrix.root
+        rows = (abs(self.C) @ (1.0 / self.root)) / self.root - 1.0
+        self.row_sum = float(np.max(rows, initial=0.0))
+        self.low = max(1.0 - self.row_sum, FIRST_LEAST)
+        self.high, self.above = 1.0 + self.row_sum, 0.0
+        self.free, self.is_sharp = np.empty(0, dtype=bool), False
+        self.products = 0
         self.scale, self.shrink = 1.0, SHRINK  # factors of P: so far, and the next one
         self.raised = 1.1  # the next one by which P is raised
         self.k, self.retries = 0, 0
         self.before, self.least = np.empty(0), math.inf
+        self.all_free = False
         self.alpha, self.omega = self.choice()
         self.step: Any = self.build(self.alpha, self.omega)
 
     def build(self, alpha: float, omega: np.ndarray) -> Step | None:
-        """Return a step with these parameters, None if the factorisation fails."""
         beta = alpha if self.beta is None else self.beta
         now = Parameters(alpha, beta, omega, self.shift)
         return fixed_step(self.lcp, self.method, now)
@@ -141,7 +152,7 @@ class AdaptiveStep(Step):
         if doubled:
             free = (z > self.lcp.lower) & (z < self.lcp.upper)
             self.all_free = bool(free.all())
-            self.spectrum.estimate(free, z - self.before)
+            self.estimate(free, z - self.before)
             if k >= FROM and not self.method.factored and self.weight(1.0)[0] < 2.0:
                 self.scale *= self.shrink
         if doubled or grows:
@@ -155,7 +166,7 @@ class AdaptiveStep(Step):
 
         The size is |D^(1/2) dz|, which unlike Res does not depend on the scaling.
         """
-        size = float(np.linalg.norm(change * self.spectrum.root))
+        size = float(np.linalg.norm(change * self.root))
         self.least = min(self.least, size)
         if not size > GROWTH * self.least:
             return False
@@ -176,10 +187,10 @@ class AdaptiveStep(Step):
         """Use the parameters of `choice` from now on; point[S] is overwritten."""
         s, z = point
         alpha, omega = self.choice()
-        is_near = np.all(np.abs(omega - self.omega) <= REFACTOR * self.omega)
-        step = None
-        if not (self.method.factored and is_near):
-            step = self.build(alpha, omega)
+        change = np.abs(omega - self.omega)
+        if self.method.factored and np.all(change <= REFACTOR * self.omega):
+            return
+        step = self.build(alpha, omega)
         if step is not None:
             np.subtract(z, (self.omega / omega) * (z - s), out=s)
             self.alpha, self.step, self.omega = alpha, step, omega
@@ -207,20 +218,20 @@ class AdaptiveStep(Step):
         """Return alpha if Omega is chosen, too.
 
         With beta = alpha its value matters little: p - c = 1, or as near as LARGE_ALPHA
-        allows. A given beta makes g depend on alpha: the least error factor decides.
+        allows. A given beta makes g depend on alpha: the least error factor at x = a
+        decides.
         """
         if self.beta is None:
             return min(1.0 / max(1.0 - self.e, 1e-9), LARGE_ALPHA)
-        return min(ALPHAS, key=self.error_factor)
 
-    def error_factor(self, alpha: float) -> float:
-        """Return the modulus of the error factor at x = a for the best c."""
-        g = self.weight(alpha)[0]
-        P = 2.0 * (1.0 / alpha + self.e + self.best_c(alpha)) - g
-        return abs(factor(P, g, self.spectrum.low))
+        def error_factor(alpha: float) -> float:
+            g = self.weight(alpha)[0]
+            P = 2.0 * (1.0 / alpha + self.e + self.best_c(alpha)) - g
+            return abs(factor(P, g, self.low))
+
+        return min(ALPHAS, key=error_factor)
 
     def best_c(self, alpha: float) -> float:
-        """Return the best c for a given alpha."""
         g, G = self.weight(alpha)
         t = 1.0 / alpha + self.e
         return max(self.best_p(g) - t, SMALL_C, self.least_c(t, g, G))
@@ -242,16 +253,16 @@ class AdaptiveStep(Step):
 
     def factored_c(self) -> float:
         """Return c for a method with M = A."""
-        a, b = self.spectrum.low, self.spectrum.high
+        a, b = self.low, self.high
         if not self.method.own:
-            skew = 1.0 if self.spectrum.symmetric else NONSYMMETRIC
+            skew = 1.0 if self.lcp.matrix.symmetric else NONSYMMETRIC
             return math.sqrt(a * min(b, 2.0)) * skew * self.scale
         K = 0.25 * (math.sqrt((a + b) ** 2 + 12.0 * a * b) - (a + b))
         return max(K + 0.5 - self.e, SMALL_C, self.least_c(2.0, 2.0, 1.5))
 
     def best_p(self, g: float) -> float:
         """Return p, with equal error factors at x = a and x = b if b <= 2."""
-        a, b = self.spectrum.low, self.spectrum.high
+        a, b = self.low, self.high
         over = max(b / 2.0, 1.0)  # above 1 the ordering of A is not consistent
         sum_ = (2.0 - g) * (a + b / math.sqrt(over))
         product = g * (4.0 - g) * a * b * over
@@ -266,41 +277,11 @@ class AdaptiveStep(Step):
         low, high = 0.0, t
         for _ in range(30):
             c = 0.5 * (low + high)
-            free = factor(2.0 * (t + c) - g, g, self.spectrum.low)
+            free = factor(2.0 * (t + c) - g, g, self.low)
             is_less = (t - c) / (t + c) > free * abs(free)
             low, high = (c, high) if is_less else (low, c)
-        above = max(self.spectrum.high - 2.0, 0.0) * max(self.spectrum.above - 2.0, 0.0)
+        above = max(self.high - 2.0, 0.0) * max(self.above - 2.0, 0.0)
         return max(high, LEAST_C * G * above**0.25 / t) * self.scale
-
-
-def factor(P: float, g: float, x: float) -> float:
-    """Return the error factor for an eigenvalue x."""
-    return (P - (4.0 - g) * x) / (P + g * x)
-
-
-def mean(x: np.ndarray) -> float:
-    return float(np.sum(x)) / max(x.size, 1)
-
-
-class Spectrum:
-    """Estimates of the extreme eigenvalues of the scaled A on the free rows.
-
-    low, high: the least and the largest one, a and b of the module. above: b of the
-    whole matrix, 0 before the first estimate. products: products with A so far.
-    """
-
-    def __init__(self, matrix: Prepared):
-        self.symmetric = matrix.symmetric
-        self.C = matrix.A if self.symmetric else symmetric_form(matrix.A)
-        self.root = matrix.root
-        rows = (abs(self.C) @ (1.0 / self.root)) / self.root - 1.0
-        self.row_sum = float(np.max(rows, initial=0.0))
-        self.low = max(1.0 - self.row_sum, FIRST_LEAST)
-        self.high = 1.0 + self.row_sum
-        self.above = 0.0
-        self.products = 0
-        self.free = np.empty(0, dtype=bool)
-        self.sharp = False
 
     def estimate(self, free: np.ndarray, change: np.ndarray) -> None:
         """Update low, high and above for the rows `free` (bool).
@@ -309,7 +290,7 @@ class Spectrum:
         """
         if self.row_sum <= CERTAIN or not free.any():
             return
-        if self.sharp and np.array_equal(free, self.free):
+        if self.is_sharp and np.array_equal(free, self.free):
             return
         if self.above == 0.0:
             everything = np.ones_like(free)
@@ -317,7 +298,7 @@ class Spectrum:
         low, high, error = self.ritz_values(free, change, LANCZOS)
         self.low = max(low, 1.0 - self.row_sum, LEAST)
         self.high = min(high, 1.0 + self.row_sum)
-        self.free, self.sharp = free, error < SETTLED * low
+        self.free, self.is_sharp = free, error < SETTLED * low
 
     def ritz_values(
         self, free: np.ndarray, change: np.ndarray, steps: int
@@ -349,6 +330,15 @@ class Spectrum:
             if (error[[0, -1]] < SHARP * values[[0, -1]]).all():
                 break
         return float(values[0]), float(values[-1]), float(error[0])
+
+
+def factor(P: float, g: float, x: float) -> float:
+    """Return the error factor for an eigenvalue x."""
+    return (P - (4.0 - g) * x) / (P + g * x)
+
+
+def mean(x: np.ndarray) -> float:
+    return float(np.sum(x)) / max(x.size, 1)
 
 
 def symmetric_form(A: Any) -> Any:

@@ -55,6 +55,10 @@ from namlcp.status import Status
 
 # Default limit on sweeps.
 MAX_NAMED_SWEEPS = 100_000
+# Of `iterate`: relative tolerance for a repeated s and its Res; relative change of s in
+# a sweep that counts as rounding; what it has seen of Res at first.
+FIRST, GROWTH, REPEAT, STILL = 32, 1e4, 1e-10, 1e-8
+BEFORE = 0.0, math.inf, 0.0, math.inf
 
 
 def sweep(
@@ -73,7 +77,7 @@ def sweep(
     q)/Omega, which is a fixed point if z0 is a solution, or s = clip(0, lower, upper).
     (The paper's runs start at (1, 0, 1, 0, ...).)
 
-    MAX_ITER, TIME_LIMIT, DIVERGED (growth, overflow or a cycle, see `Watch`) and
+    MAX_ITER, TIME_LIMIT, DIVERGED (growth, overflow or a cycle, see `iterate`) and
     STALLED (rounding errors repeat the iterates, or hide Res) return the iterate of
     least Res.
     NUMERICAL_ERROR: the factorisation fails; z, w and s are NaN.
@@ -117,14 +121,22 @@ def iterate(
 ) -> tuple[Status, np.ndarray, int]:
     """Repeat `step` from s; return the status, the last or best s, and the sweeps done.
 
-    Three buffers are exchanged, so that the best iterate is kept without copies.
+    Three buffers are exchanged, so that the best iterate is kept without copies. That
+    the sweeps do not converge is seen from
+
+    - overflow: Res is not finite;
+    - growth, from sweep FIRST on: every Res of the sweeps 2^p + 1 .. 2^(p+1) exceeds
+      every earlier one and GROWTH times `size` = max(Res(z_0), ||q||). Growth alone
+      proves nothing: for a very nonnormal method Res may grow by 10^10 and then fall;
+    - a cycle (Brent 1980): s equals its value at the last power of two, which is at
+      least FIRST. If the next s is equal, too, rounding errors repeat the iterates.
     """
     old, new, best = np.empty((3, 2, s.size))
     old[S] = s
     np.clip(s, lcp.lower, lcp.upper, out=old[Z])
     eps_abs, deadline, report = limits.eps_abs, limits.deadline, limits.report
-    least = math.inf
-    watch = Watch(float(np.linalg.norm(lcp.q)))
+    least, size, anchor = math.inf, float(np.linalg.norm(lcp.q)), s
+    peak, lowest, highest, anchor_residual = BEFORE
     max_iter = limits.max_iter or MAX_NAMED_SWEEPS
     for k in range(max_iter + 1):
         residual = step.run(old, new)
@@ -136,69 +148,33 @@ def iterate(
             best, spare, least = old, best, residual
         else:
             spare = old
-        trouble = watch.verdict(k, residual, old, new)
+        trouble = None if math.isfinite(residual) else Status.DIVERGED
+        near = k > FIRST and abs(residual - anchor_residual) <= REPEAT * residual
+        if near and trouble is None:
+            largest = max_norm(old[S])
+            if max_norm(old[S] - anchor) <= REPEAT * largest:
+                still = max_norm(new[S] - old[S]) <= STILL * largest
+                trouble = Status.STALLED if still else Status.DIVERGED
+        lowest, highest = min(lowest, residual), max(highest, residual)
+        size = max(size, residual) if k == 0 else size
+        if k & (k - 1) == 0:
+            if k >= FIRST:
+                if trouble is None and lowest > max(peak, GROWTH * size):
+                    trouble = Status.DIVERGED
+                anchor, anchor_residual = old[S].copy(), residual
+            peak, lowest, highest = max(peak, highest), math.inf, 0.0
         if trouble is Status.DIVERGED:
             new[S] = best[S]
             np.clip(new[S], lcp.lower, lcp.upper, out=new[Z])
             if step.retries_from(new):
-                trouble, watch = None, Watch(watch.size)
+                trouble = None
+                peak, lowest, highest, anchor_residual = BEFORE
         if trouble is not None:
             return trouble, best[S], k
         if deadline.reached():
             return Status.TIME_LIMIT, best[S], k
         old, new = new, spare
     return Status.MAX_ITER, best[S], max_iter
-
-
-class Watch:
-    """Detect from the iterates that the sweeps do not converge.
-
-    - Overflow: Res is not finite.
-    - Growth, from sweep FIRST on: every Res of the sweeps 2^p + 1 .. 2^(p+1) exceeds
-      every earlier one and GROWTH times `size` = max(Res(z_0), ||q||). Growth alone
-      proves nothing: for a very nonnormal method Res may grow by 10^10 and then fall.
-    - A cycle (Brent 1980): s equals its value at the last power of two, which is at
-      least FIRST. If the next s is equal, too, rounding errors repeat the iterates.
-    """
-
-    GROWTH = 1e4
-    REPEAT = 1e-10  # relative tolerance for a repeated s and its Res
-    STILL = 1e-8  # relative change of s in a sweep that counts as rounding
-    FIRST = 32
-
-    def __init__(self, size: float):
-        self.size = size
-        self.peak = 0.0
-        self.lowest = math.inf
-        self.highest = 0.0
-        self.anchor = np.empty(0)
-        self.anchor_residual = math.inf
-
-    def verdict(
-        self, k: int, residual: float, old: np.ndarray, new: np.ndarray
-    ) -> Status | None:
-        """Return DIVERGED, STALLED or None; iterate k is `old`, the next is `new`."""
-        if not math.isfinite(residual):
-            return Status.DIVERGED
-        near = abs(residual - self.anchor_residual) <= self.REPEAT * residual
-        if near and k > self.FIRST:
-            size = max_norm(old[S])
-            if max_norm(old[S] - self.anchor) <= self.REPEAT * size:
-                still = max_norm(new[S] - old[S]) <= self.STILL * size
-                return Status.STALLED if still else Status.DIVERGED
-        self.lowest = min(self.lowest, residual)
-        self.highest = max(self.highest, residual)
-        if k == 0:
-            self.size = max(self.size, residual)
-        if k & (k - 1) == 0:
-            grown = self.lowest > max(self.peak, self.GROWTH * self.size)
-            if grown and k >= self.FIRST:
-                return Status.DIVERGED
-            self.peak = max(self.peak, self.highest)
-            self.lowest, self.highest = math.inf, 0.0
-            if k >= self.FIRST:
-                self.anchor, self.anchor_residual = old[S].copy(), residual
-        return None
 
 
 def max_norm(x: np.ndarray) -> float:

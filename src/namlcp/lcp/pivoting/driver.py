@@ -97,7 +97,6 @@ class Attempt(Pivoting):
         return lcp.outcome(status, z, w, count, "pivoting", ray=self.ray)
 
     def best(self) -> np.ndarray:
-        """Return the best z so far, in the caller's scaling."""
         return self.best_between(self.lcp.lower, self.lcp.upper)
 
     def is_unsolvable(self) -> bool:

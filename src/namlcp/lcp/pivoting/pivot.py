@@ -203,7 +203,6 @@ def add_column(m, j, factor, out):
 
 
 def write_w(m, w):
-    """Set w = A z + q, skipping zeros of z."""
     copy(m.q, w, m.n)
     for j in range(m.n):
         if m.own_z[j] != 0.0:

@@ -94,7 +94,6 @@ def solve_small(A, q, lower, upper, start, stamp):
 
 
 def is_vector(value, n):
-    """Tell whether a clean vector of this size came, or none."""
     return value is None or (fits(value, 1) and cnp.PyArray_DIM(value, 0) == n)
 
 

@@ -48,19 +48,16 @@ class Pivoting(Watched):
         return self.memory[k * self.n : (k + 1) * self.n]
 
     def state(self):
-        """Return the states of the unknowns, a view."""
         return self.memory[10 * self.n + self.entries :].view("i4")[: self.n]
 
 
 def reals(m, count):
-    """Return the place of the next numbers."""
     found = m.end
     m.end += count
     return found
 
 
 def flags(m, count):
-    """Return the place of the next integers."""
     return cython.cast(cython.p_int, reals(m, (count + 1) // 2))
 
 
