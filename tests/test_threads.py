@@ -11,12 +11,12 @@ from solves import SOLVES
 
 import namlcp
 from namlcp import QPResult
-from namlcp.result_base import FIELDS
+from namlcp.result_base import FIELDS, LCP_FIELDS
 
 
 def bits(result) -> tuple:
     """Return all of a result but its times and its problem, byte for byte."""
-    names = FIELDS if isinstance(result, QPResult) else vars(result)
+    names = FIELDS if isinstance(result, QPResult) else LCP_FIELDS
     fields = {name: getattr(result, name) for name in names}
     return tuple(
         value.tobytes() if isinstance(value, np.ndarray) else repr(value)

@@ -18,7 +18,18 @@ cdef class ResultBase:
         Numbers numbers
 
 
+# problem: the checked LCP and A as it was given, or the arguments of `clean_lcp`.
+# stamp: the hash of its numbers, and the vectors of these that the user gave.
+cdef class LCPResultBase:
+    cdef:
+        readonly object status, z, w, s, method, ray, message, history, problem, stamp
+        readonly Py_ssize_t iterations
+        readonly double residual, setup_time, solve_time
+        public object kept
+
+
 cdef object NOTHING, EMPTY
 
 cdef object residuals_of(Numbers numbers)
+cdef object made(object kind)
 cdef object new_result(object kind)

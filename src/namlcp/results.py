@@ -42,7 +42,7 @@ from namlcp.qp import (
     stamp_of,
 )
 from namlcp.residuals import Residuals
-from namlcp.result_base import FIELDS, ResultBase
+from namlcp.result_base import FIELDS, LCP_FIELDS, LCPResultBase, ResultBase
 from namlcp.status import Status
 
 LOST = (
@@ -108,8 +108,8 @@ class Differentiable:
 
 def data_of(kind: Any) -> tuple[str, ...]:
     """Return the names of the attributes of a class of results."""
-    if issubclass(kind, ResultBase):
-        return FIELDS
+    if issubclass(kind, ResultBase | LCPResultBase):
+        return FIELDS if issubclass(kind, ResultBase) else LCP_FIELDS
     return tuple(f.name for f in fields(kind) if f.repr) if is_dataclass(kind) else ()
 
 
@@ -140,8 +140,7 @@ def described(result: Any) -> str:
     return "\n    ".join((f"{type(result).__name__}: {', '.join(head)}", *lines))
 
 
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class LCPResult(Differentiable, Single):
+class LCPResult(Single, LCPResultBase):
     """Result of `solve_lcp`; read `status` first, or `found`, as ``if result:`` does.
 
     Attributes
@@ -207,14 +206,12 @@ class LCPResult(Differentiable, Single):
     method: str
     setup_time: float
     solve_time: float
-    ray: np.ndarray | None = None
-    message: str = ""
-    history: np.ndarray | None = None
-    problem: Any = field(default=None, repr=False)
-    """The checked LCP and A as it was given, for the derivatives."""
-    stamp: tuple[int, Any] | None = field(default=None, repr=False)
-    """The hash of its numbers, and the vectors of these that the user gave."""
+    ray: np.ndarray | None
+    message: str
+    history: np.ndarray | None
+
     PUBLIC = "backward", "derivative", "directional", "forward", "found"
+    __slots__ = ()
 
     def backward(self, dz: Any = None, dw: Any = None) -> LCPGradients:
         """Return the gradients of a scalar in the data of the LCP.
@@ -288,18 +285,15 @@ class LCPResult(Differentiable, Single):
     @property
     def derivative(self) -> LCPDerivative:
         """The fixed unknowns and the factors of `backward` and `forward`."""
-        lcp, _ = problem_of(self)
-        if self.stamp is not None:
-            before, vectors = self.stamp
+        base: Any = self  # its other attributes are those of compiled code
+        lcp, given = problem_of(self)
+        if base.stamp is not None:
+            before, vectors = base.stamp
             if before != stamp_of_arrays(vectors, lcp.matrix.stamp_now()):
                 raise ValueError(CHANGED)
-        return self.kept
-
-    @cached_property
-    def kept(self) -> LCPDerivative:
-        """The same, made once."""
-        lcp, given = problem_of(self)
-        return LCPDerivative(lcp, given, self.z, self.w)
+        if base.kept is None:
+            base.kept = LCPDerivative(lcp, given, self.z, self.w)
+        return base.kept
 
 
 class QPResult(Single, ResultBase):
@@ -810,7 +804,7 @@ def lcp_result(
     stamp = None
     if not isinstance(lcp.A, Operator):  # which has no derivatives
         stamp = stamp_of_arrays(vectors, lcp.matrix.stamp), vectors
-    return new_lcp_result(
+    return LCPResult(
         status=outcome.status,
         z=z,
         w=w,
@@ -828,13 +822,6 @@ def lcp_result(
     )
 
 
-def new_lcp_result(**attributes: Any) -> LCPResult:
-    """Return LCPResult(**attributes), in a third of the time of a frozen class."""
-    result = object.__new__(LCPResult)
-    vars(result).update(attributes)
-    return result
-
-
 def small_lcp_result(
     A: Any, q: Any, lower: Any, upper: Any, start: float
 ) -> LCPResult | None:
@@ -842,19 +829,11 @@ def small_lcp_result(
 
     start: the value of perf_counter() at the call.
     """
-    if type(A) is Prepared:
-        found = solve_small(A.A, q, lower, upper, A.last, A.stamp)
-    else:
-        found = solve_small(A, q, lower, upper, None, None)
-    if found is None:
-        return None
-    attributes, is_symmetric = found
-    if type(A) is Prepared:
-        A.last = attributes["z"]
-    attributes["problem"] = partial(clean_lcp, A, is_symmetric, q, lower, upper)
-    attributes["solve_time"] = perf_counter() - start
-    result = object.__new__(LCPResult)
-    object.__setattr__(result, "__dict__", attributes)  # the class is frozen
+    if type(A) is not Prepared:
+        return solve_small(LCPResult, start, A, A, q, lower, upper, None, None)
+    result = solve_small(LCPResult, start, A, A.A, q, lower, upper, A.last, A.stamp)
+    if result is not None:
+        A.last = result.z
     return result
 
 
@@ -880,6 +859,8 @@ def problem_of(result: QPResult | LCPResult | ClosestPoint) -> Any:
         raise ValueError(LOST)
     if callable(problem):
         return problem()
+    if type(result) is LCPResult and len(problem) == 5:
+        return clean_lcp(*problem)
     if len(problem) == len(QP._fields):  # the arguments of `solve_qp`
         P, _, G, _, A, *_ = problem
         return qp_arrays(*problem), (P, G, A)

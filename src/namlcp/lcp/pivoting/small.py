@@ -3,6 +3,8 @@
 What is not clean, or not solved, is left to the ways that take a closer look.
 """
 
+from time import perf_counter
+
 import cython
 from cython.cimports import numpy as cnp
 from cython.cimports.libc.math import INFINITY, fabs
@@ -18,6 +20,7 @@ from cython.cimports.namlcp.lcp.pivoting.state import Pivoting, allocate, best_p
 from cython.cimports.namlcp.linalg.arrays import data_of, fits, new_vector
 from cython.cimports.namlcp.linalg.vectors import copy, fill, hash_of
 from cython.cimports.namlcp.measure import are_met, both_residuals
+from cython.cimports.namlcp.result_base import LCPResultBase, made
 
 from namlcp.lcp.pivoting import driver
 from namlcp.linalg import definite
@@ -25,18 +28,19 @@ from namlcp.status import Status
 
 cnp.import_array()
 
-ACCURACY, SOLVED = driver.ACCURACY, Status.SOLVED
+ACCURACY, SOLVED, NAME = driver.ACCURACY, Status.SOLVED, "pivoting"
 # Factorisations at most: nothing looks at the clock between them.
 MOST = 100
 SYMMETRY_ROUNDING = definite.SYMMETRY_ROUNDING
 
 
-def solve_small(A, q, lower, upper, start, stamp):
+def solve_small(kind, begun, given, A, q, lower, upper, start, stamp):
     """Solve a box LCP of up to MOST_SMALL unknowns to the default tolerance.
 
-    Bounds that are None are 0 and inf; start: where to begin, or None; stamp: that of
-    A, None if it is not known. Returns attributes of an `LCPResult`, and whether A =
-    A'; None where others are to solve it.
+    given: A as the user holds it. Bounds that are None are 0 and inf; start: where to
+    begin, or None; stamp: that of A, None if it is not known; begun: the value of
+    perf_counter() at the call. Returns a result, of a class derived from
+    `LCPResultBase`; None where others are to solve it.
     """
     if not (fits(A, 2) and fits(q, 1)):
         return None
@@ -86,11 +90,13 @@ def solve_small(A, q, lower, upper, start, stamp):
     total: cython.ulonglong = hash_of(values, n * n, 0) if stamp is None else stamp
     for v in vectors:
         total = hash_of(data_of(v), n, total)
-    return {
-        "status": SOLVED, "z": z, "w": w, "s": s, "iterations": m.factorisations,
-        "residual": residual, "method": "pivoting", "setup_time": 0.0, "ray": None,
-        "message": "", "history": None, "stamp": (total, vectors),
-    }, m.symmetric  # fmt: skip
+    result: LCPResultBase = made(kind)
+    result.status, result.z, result.w, result.s = SOLVED, z, w, s
+    result.iterations, result.residual, result.method = m.factorisations, residual, NAME
+    result.message, result.stamp = "", (total, vectors)
+    result.problem = given, bool(m.symmetric), q, lower, upper
+    result.solve_time = perf_counter() - begun
+    return result
 
 
 def is_vector(value, n):
