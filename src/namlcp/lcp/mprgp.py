@@ -70,49 +70,40 @@ def solve_by_products(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcom
             if not there <= TOO_FAR * criterion.size:
                 z = lcp.start()
         descent = Descent(lcp, z)
-        status, best, k = descend(descent, limits, criterion)
-        w = lcp.w(best)
-        if not (math.isfinite(descent.size) and np.isfinite(w).all()):
-            status, best = Status.NUMERICAL_ERROR, np.full(w.size, np.nan)
-            w = best
-        return lcp.outcome(status, best, w, k, "mprgp", descent.message, descent.ray)
-
-
-def descend(
-    descent: "Descent", limits: Limits, criterion: Criterion
-) -> tuple[Status, np.ndarray, int]:
-    """Take steps; return the status, the best point and the number of steps."""
-    best = descent.point()[0]
-    least = missed = math.inf
-    k = misses = 0
-    while math.isfinite(descent.size):
-        z, w = descent.point()
-        if limits.report is not None:
-            active = int(np.count_nonzero(~descent.free))
-            limits.report(k, descent.lcp.residual(z, w), active)
-        accepted = criterion.accepts(z, w)
-        if descent.size < least or accepted:
-            best, least = z, descent.size
-        if accepted:
-            descent.refresh(descent.y)
-            least = descent.size
-            if criterion.accepts(*descent.point()):
-                return Status.SOLVED, best, k
-            misses = 0 if descent.size < 0.5 * missed else misses + 1
-            missed = min(missed, descent.size)
+        best = descent.point()[0]
+        least = missed = math.inf
         status: Status | None = None
-        if misses == MISSES or descent.size == 0.0:
-            status = Status.STALLED
-        elif k == (limits.max_iter or MAX_DESCENT_STEPS):
-            status = Status.MAX_ITER
-        elif limits.deadline.reached():
-            status = Status.TIME_LIMIT
-        else:
-            status = descent.step()
-        if status is not None:
-            return status, best, k
-        k += 1
-    return Status.NUMERICAL_ERROR, best, k
+        k = misses = 0
+        while status is None and math.isfinite(descent.size):
+            z, w = descent.point()
+            if limits.report is not None:
+                active = int(np.count_nonzero(~descent.free))
+                limits.report(k, lcp.residual(z, w), active)
+            accepted = criterion.accepts(z, w)
+            if descent.size < least or accepted:
+                best, least = z, descent.size
+            if accepted:
+                descent.refresh(descent.y)
+                least = descent.size
+                if criterion.accepts(*descent.point()):
+                    status = Status.SOLVED
+                    break
+                misses = 0 if descent.size < 0.5 * missed else misses + 1
+                missed = min(missed, descent.size)
+            if misses == MISSES or descent.size == 0.0:
+                status = Status.STALLED
+            elif k == (limits.max_iter or MAX_DESCENT_STEPS):
+                status = Status.MAX_ITER
+            elif limits.deadline.reached():
+                status = Status.TIME_LIMIT
+            else:
+                status = descent.step()
+                k += status is None
+        w = lcp.w(best)
+        if status is None or not (math.isfinite(descent.size) and np.isfinite(w).all()):
+            status = Status.NUMERICAL_ERROR
+            best = w = np.full(w.size, np.nan)
+        return lcp.outcome(status, best, w, k, "mprgp", descent.message, descent.ray)
 
 
 class Descent:

@@ -53,39 +53,34 @@ def solve_by_sweeps(
         # Symmetry is tested only if Young's alpha may do.
         if mu <= YOUNG_IS_SAFE or (promised <= criterion.goal and lcp.matrix.symmetric):
             alpha = young
-    outcome = relax(lcp, z, alpha, most, criterion)
+    status, k = relax(z, alpha, most, criterion)
+    outcome = lcp.outcome(status, z, lcp.w(z), k, "psor")
     if limits.report is not None and outcome.ends:
-        active = lcp.active(outcome.point.z)
-        limits.report(outcome.iterations, outcome.residuals, active)
+        limits.report(k, outcome.residuals, lcp.active(z))
     return outcome
 
 
 def relax(
-    lcp: LCP, z: np.ndarray, alpha: float, most: int, criterion: Criterion
-) -> Outcome:
+    z: np.ndarray, alpha: float, most: int, criterion: Criterion
+) -> tuple[Status, int]:
     """Sweep from z, which is overwritten, until the criterion accepts it.
 
     The criterion costs a product with A. It is therefore evaluated only if an estimate
     of the scaled Res from the last two sweeps is below its goal; a rejection divides
     that goal by 10. STALLED: at the measured rate `most` sweeps do not suffice.
     """
+    lcp, goal, before = criterion.lcp, criterion.goal, math.inf
     _, q, lower, upper = lcp
-    arrays, goal = arrays_of(lcp.A), criterion.goal
-
-    def outcome(status: Status) -> Outcome:
-        return lcp.outcome(status, z, lcp.w(z), k, "psor")
-
-    before = math.inf
+    arrays = arrays_of(lcp.A)
     checked, checked_at, slow = 0.0, 1, 0
     for k in range(1, most + 1):
         moved = relax_csr(*arrays, q, lower, upper, alpha, z)
         guess = moved * min(1.0, moved / before) if k > 1 else moved
         if guess < goal or moved == 0.0:
-            found = outcome(Status.SOLVED)
-            if criterion.accepts(z, found.point.w):
-                return found
+            if criterion.accepts(z, lcp.w(z)):
+                return Status.SOLVED, k
             if moved == 0.0:
-                return found._replace(status=Status.STALLED)
+                return Status.STALLED, k
             goal *= 0.1
         if k == 1:
             checked = moved
@@ -97,9 +92,9 @@ def relax(
                 left = math.log(goal / moved) / math.log(rate)
             slow = slow + 1 if k + left > most else 0
             if slow == (SLOW if alpha > 1.0 else 1):
-                return outcome(Status.STALLED)
+                return Status.STALLED, k
             checked, checked_at = moved, k
         if criterion.limits.deadline.reached():
-            return outcome(Status.TIME_LIMIT)
+            return Status.TIME_LIMIT, k
         before = moved
-    return outcome(Status.MAX_ITER)
+    return Status.MAX_ITER, most

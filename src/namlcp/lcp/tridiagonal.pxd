@@ -34,7 +34,6 @@ cdef class Faces:
         double eps_abs, eps_rel, size, slack, least, plain, scaled
         bint inside
 
-cdef int take_problem(Faces m, object lcp, object state, object points) except -1
 cdef Py_ssize_t eliminate(Faces m) noexcept nogil
 cdef void clip_into_box(Faces m, double* z, double* w) noexcept nogil
 cdef void set_residuals(Faces m, const double* z, const double* w) noexcept nogil

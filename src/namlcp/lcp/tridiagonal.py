@@ -36,32 +36,6 @@ class Faces:
     """A tridiagonal LCP, the face, and the point that it gives."""
 
 
-def take_problem(m, lcp, state, points):
-    """Note where the arrays of an LCP are, and those of its faces.
-
-    state (n,), signed bytes. points (5, n): z and w of the face, the factors c_i of the
-    elimination, the best z so far and its w.
-    """
-    n: cython.Py_ssize_t = lcp.q.size
-    m.n = n
-    rows = numbers(lcp.matrix.tridiagonal, 5 * n)
-    m.below, m.diagonal, m.above = (
-        rows + BELOW * n,
-        rows + DIAGONAL * n,
-        rows + ABOVE * n,
-    )
-    m.inverse, m.root = rows + INVERSE * n, rows + ROOT * n
-    m.q, m.lower, m.upper = (
-        numbers(lcp.q, n),
-        numbers(lcp.lower, n),
-        numbers(lcp.upper, n),
-    )
-    m.state, m.z = signs(state, n), numbers(points, 5 * n)
-    m.w, m.coupling = m.z + n, m.z + 2 * n
-    m.best_z, m.best_w = m.z + 3 * n, m.z + 4 * n
-    return 0
-
-
 def eliminate(m):
     """Write z and w of a face, change the states with a wrong sign; return how many.
 
@@ -198,10 +172,21 @@ def solve_tridiagonal(lcp, z0, limits):
     """
     n: cython.Py_ssize_t = lcp.q.size
     report, deadline = limits.report, limits.deadline
+    # points: z and w of the face, c_i of the elimination, the best z so far and its w.
     state, points = np.empty(n, np.int8), np.empty((5, n))
     points[0] = 0.0 if z0 is None else z0
     m: Faces = Faces()
-    take_problem(m, lcp, state, points)
+    m.n, rows = n, numbers(lcp.matrix.tridiagonal, 5 * n)
+    m.below, m.diagonal = rows + BELOW * n, rows + DIAGONAL * n
+    m.above, m.inverse, m.root = rows + ABOVE * n, rows + INVERSE * n, rows + ROOT * n
+    m.q, m.lower = numbers(lcp.q, n), numbers(lcp.lower, n)
+    m.upper, m.state, m.z = (
+        numbers(lcp.upper, n),
+        signs(state, n),
+        numbers(points, 5 * n),
+    )
+    m.w, m.coupling = m.z + n, m.z + 2 * n
+    m.best_z, m.best_w = m.z + 3 * n, m.z + 4 * n
     m.eps_abs, m.eps_rel = limits.tolerances
     most: cython.Py_ssize_t = MOST_FACES
     if limits.max_iter and limits.max_iter < most:

@@ -14,8 +14,7 @@ Mehrotra, SIAM J. Optim. 2 (1992) 575-601; Gondzio, Comput. Optim. Appl. 6 (1996
 """
 
 import math
-from collections.abc import Callable, Iterator
-from functools import partial
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -80,8 +79,7 @@ def mehrotra(model: Distances, system: System) -> Iterator[np.ndarray]:
         factors = system.factors(model.total(ratio, 1.0) + SHIFT)
         if factors is None:
             return
-        towards = partial(direction, model, at, factors, excess)
-        d, step = centred(at, towards)
+        d, step = centred(model, at, factors, excess)
         step *= STEP_PART
         jams = jams + 1 if step < JAM else 0
         if jams == JAMS or not math.isfinite(step):
@@ -90,21 +88,21 @@ def mehrotra(model: Distances, system: System) -> Iterator[np.ndarray]:
     yield at.p
 
 
-def direction(
-    model: Distances, at: Point, factors: Any, excess: np.ndarray, change: np.ndarray
-) -> Point:
-    """Return the direction that removes the excess and changes the products so."""
-    wish = change / at.gaps
-    dp = factors.solve(model.total(wish) - excess)
-    dgaps = model.of(dp)
-    return Point(dp, dgaps, wish - at.m / at.gaps * dgaps)
-
-
-def centred(at: Point, towards: Callable[[np.ndarray], Point]) -> tuple[Point, float]:
+def centred(
+    model: Distances, at: Point, factors: Any, excess: np.ndarray
+) -> tuple[Point, float]:
     """Return the direction of predictor and correctors, and the longest step along it.
 
-    towards: changes of the products to the direction for them.
+    It removes the excess.
     """
+
+    def towards(change: np.ndarray) -> Point:
+        """Return the direction for changes of the products."""
+        wish = change / at.gaps
+        dp = factors.solve(model.total(wish) - excess)
+        dgaps = model.of(dp)
+        return Point(dp, dgaps, wish - at.m / at.gaps * dgaps)
+
     products, mu = at.gaps * at.m, at.mean_product
     d = towards(-products)
     left = at.moved(longest(at, d), d).mean_product
