@@ -83,7 +83,7 @@ def solve_by_products(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcom
             if descent.size < least or accepted:
                 best, least = z, descent.size
             if accepted:
-                descent.refresh(descent.y)
+                descent.go(descent.y)
                 least = descent.size
                 if criterion.accepts(*descent.point()):
                     status = Status.SOLVED
@@ -122,7 +122,7 @@ class Descent:
         self.ray: np.ndarray | None = None
         self.message = ""
         self.norm = 0.0  # estimate of ||A||: the largest ||A p|| / ||p|| so far
-        self.refresh(self.clipped(z0 * root))
+        self.go(self.clipped(z0 * root))
 
     def clipped(self, y: np.ndarray) -> np.ndarray:
         return np.clip(y, self.lower, self.upper)
@@ -137,11 +137,10 @@ class Descent:
     def product(self, x: np.ndarray) -> np.ndarray:
         return (self.lcp.A @ (x / self.root)) / self.root
 
-    def refresh(self, y: np.ndarray) -> None:
-        self.go(y, self.product(y) + self.q)
-
-    def go(self, y: np.ndarray, g: np.ndarray) -> None:
-        """Go to y with the gradient g, and restart the conjugate gradients."""
+    def go(self, y: np.ndarray, g: np.ndarray | None = None) -> None:
+        """Go to y, restart the conjugate gradients; g: the gradient, if it is known."""
+        if g is None:
+            g = self.product(y) + self.q
         self.p: np.ndarray | None = None  # next conjugate direction; None: phi
         self.y, self.g = y, g
         self.free = (y > self.lower) & (y < self.upper)

@@ -1,9 +1,7 @@
 """The sweep methods as splittings A = M - N, and the matrices that bound a sweep.
 
-(M + Omega) s+ = N s + (Omega - A) R(s) - 2 q,  R(s) = 2 clip(s, l, u) - s           (1)
-
-For nam* this is the paper's Method 3.1, with M and N here for its M + E - L and N + E -
-L; the accelerated family has L R(s+) in place of L R(s).
+The sweep is (1) of `convergence`, with M and N here for M + E - L and N + E - L of the
+nam* methods; the accelerated family has L R(s+) in place of L R(s).
 """
 
 import math

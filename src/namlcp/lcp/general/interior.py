@@ -56,10 +56,6 @@ class Point(NamedTuple):
     def moved(self, step: float, d: "Point") -> "Point":
         return Point(*(x + step * dx for x, dx in zip(self, d, strict=True)))
 
-    @property
-    def mean_product(self) -> float:
-        return float(self.gaps @ self.m) / max(self.m.size, 1)
-
 
 def mehrotra(model: Distances, system: System) -> Iterator[np.ndarray]:
     """Yield the points p of the path, one factorisation from one to the next."""
@@ -103,12 +99,12 @@ def centred(
         dgaps = model.of(dp)
         return Point(dp, dgaps, wish - at.m / at.gaps * dgaps)
 
-    products, mu = at.gaps * at.m, at.mean_product
+    products, mu = at.gaps * at.m, float(at.gaps @ at.m) / max(at.m.size, 1)
     d = towards(-products)
-    left = at.moved(longest(at, d), d).mean_product
+    after = at.moved(longest(at, d), d)
+    left = float(after.gaps @ after.m) / max(at.m.size, 1)
     sigma = (left / mu) ** 3 if mu > 0.0 else 0.0
-    sigma = min(max(sigma, LEAST_CENTRING), MOST_CENTRING)
-    aim = sigma * mu
+    aim = min(max(sigma, LEAST_CENTRING), MOST_CENTRING) * mu
     change = aim - np.clip(d.gaps * d.m, -mu, mu) - products
     d = towards(change)
     step = longest(at, d)

@@ -212,15 +212,12 @@ def fixed_step(lcp: LCP, chosen: Sweep, parameters: Parameters) -> Step | None:
 
 def factored_step(lcp: LCP, chosen: Sweep, parameters: Parameters) -> Step | None:
     A, omega, shift = lcp.A, parameters.omega, parameters.shift
-    dense = isinstance(A, np.ndarray)
+    dense, signs = isinstance(A, np.ndarray), None
     if shift is not None:
-        L = np.tril(A, -1) if dense else sparse.tril(A, -1)
-        system = Shifted(A + L)
-    elif dense or asymmetry(A)[0] > 0.0:
-        system = Shifted(A)
-    else:
-        system = Shifted(sparse.csc_array(A), np.ones(omega.size))
-    factors = system.factors(omega if shift is None else omega + shift)
+        A = A + (np.tril(A, -1) if dense else sparse.tril(A, -1))
+    elif not dense and asymmetry(A)[0] == 0.0:
+        A, signs = sparse.csc_array(A), np.ones(omega.size)
+    factors = Shifted(A, signs).factors(omega if shift is None else omega + shift)
     if factors is None:
         return None
     solve = factors.solve
