@@ -10,9 +10,10 @@ free gradient phi is g at the free variables, l < y < u, and 0 elsewhere; its ch
 gradient beta is g at the active variables whose bound -g leaves, and 0 elsewhere. Each
 iteration takes one of these steps (Dostal 2009, algorithm 5.8):
 
-- if beta'beta <= phi'phi_r (see `Descent.reduced`), a conjugate gradient step in the
-  free variables; if that is infeasible, its projection where this decreases f enough
-  (Kruzik, Horak, Cermak, Pospisil and Pecha 2020), else its feasible part;
+- if beta'beta <= phi'phi_r, phi_r = ||A|| (y - clip(y - phi/||A||)), a conjugate
+  gradient step in the free variables; if that is infeasible, its projection where this
+  decreases f enough (Kruzik, Horak, Cermak, Pospisil and Pecha 2020), else its feasible
+  part;
 - otherwise a step along -beta, which frees variables.
 
 A direction v with A v = 0 along which f decreases without bound proves that there is no
@@ -157,7 +158,11 @@ class Descent:
         at_lower, at_upper = self.y <= self.lower, self.y >= self.upper
         inwards = np.where(at_lower, self.g < 0.0, at_upper & (self.g > 0.0))
         beta = np.where(inwards & ~(at_lower & at_upper), self.g, 0.0)
-        keeps_active = float(beta @ beta) <= self.reduced()
+        phi_r = self.phi
+        if self.norm > 0.0:
+            phi_r = self.y - self.clipped(self.y - (1.0 / self.norm) * phi_r)
+        reduced = float(self.phi @ phi_r) * (self.norm or 1.0)
+        keeps_active = float(beta @ beta) <= reduced
         p = beta
         if keeps_active:
             p = self.phi if self.p is None else self.p
@@ -196,14 +201,6 @@ class Descent:
         if optimal <= feasible and keeps_active:
             self.p = self.phi - (float(self.phi @ Ap) / pAp) * p
         return None
-
-    def reduced(self) -> float:
-        """Return phi'phi_r, phi_r = norm (y - clip(y - phi/norm))."""
-        if self.norm == 0.0:
-            return float(self.phi @ self.phi)
-        step = 1.0 / self.norm
-        projected = self.clipped(self.y - step * self.phi)
-        return float(self.phi @ (self.y - projected)) * self.norm
 
     def project(self, step: float, p: np.ndarray) -> bool:
         """Go to clip(y - step p) if f decreases enough, see SUFFICIENT; tell if so."""

@@ -7,6 +7,10 @@ from scipy.sparse.linalg import LinearOperator
 
 from namlcp.checks import finite_vector
 
+# Largest |u'Av - v'Au| that counts as zero for two fixed random vectors, relative to
+# |u||Av| + |v||Au|: it allows for products in single precision.
+SYMMETRIC = 1e-7
+
 
 class Operator:
     """A symmetric matrix A known by x -> A x and, where it was given, its diagonal.
@@ -14,10 +18,34 @@ class Operator:
     It replaces an array where only A @ x, A.shape and A.diagonal() are used.
     """
 
-    def __init__(self, A: LinearOperator, diagonal: np.ndarray | None):
-        self.A = A
-        self.shape = A.shape
-        self.stored = diagonal
+    def __init__(self, A: LinearOperator, diagonal: Any):
+        """Check A and its diagonal, which may be None."""
+        self.A, self.shape = A, A.shape
+        n = A.shape[0]
+        if A.shape[1] != n:
+            raise ValueError(f"A must be square, got shape {A.shape}")
+        if np.dtype(A.dtype or np.float64).kind not in "biuf":
+            raise TypeError(f"A must be real, got a LinearOperator of dtype {A.dtype}")
+        self.known = np.ones(n)
+        if diagonal is not None:
+            self.known = finite_vector("diagonal", diagonal, n, "A", A.shape)
+            wrong = np.flatnonzero(self.known < 0.0)
+            if wrong.size:
+                i = wrong[0]
+                raise ValueError(
+                    "diagonal must not be negative (A must be positive semidefinite as "
+                    f"a LinearOperator), got {self.known[i]:g} at ({i})"
+                )
+        u, v = np.random.default_rng(0).standard_normal((2, n))
+        Au, Av, norm = self @ u, self @ v, np.linalg.norm
+        with np.errstate(all="ignore"):
+            gap = abs(float(u @ Av) - float(v @ Au))
+            size = float(norm(u) * norm(Av) + norm(v) * norm(Au))
+        if gap > SYMMETRIC * size:
+            raise ValueError(
+                "A must be symmetric as a LinearOperator: u'Av and v'Au differ by "
+                f"{gap / size:.1e} of their size for random u and v"
+            )
 
     def __matmul__(self, x: np.ndarray) -> np.ndarray:
         """Return A x, a new array."""
@@ -28,39 +56,4 @@ class Operator:
 
     def diagonal(self) -> np.ndarray:
         """Return diag(A), ones if it is unknown."""
-        return np.ones(self.shape[0]) if self.stored is None else self.stored
-
-
-# Largest |u'Av - v'Au| that counts as zero for two fixed random vectors, relative to
-# |u||Av| + |v||Au|: it allows for products in single precision.
-SYMMETRIC = 1e-7
-
-
-def operator_data(A: LinearOperator, diagonal: Any) -> Operator:
-    """Return a LinearOperator and its diagonal (or None) checked, as an `Operator`."""
-    n = A.shape[0]
-    if A.shape[1] != n:
-        raise ValueError(f"A must be square, got shape {A.shape}")
-    if np.dtype(A.dtype or np.float64).kind not in "biuf":
-        raise TypeError(f"A must be real, got a LinearOperator of dtype {A.dtype}")
-    if diagonal is not None:
-        diagonal = finite_vector("diagonal", diagonal, n, "A", A.shape)
-        wrong = np.flatnonzero(diagonal < 0.0)
-        if wrong.size:
-            i = wrong[0]
-            raise ValueError(
-                "diagonal must not be negative (A must be positive semidefinite as a "
-                f"LinearOperator), got {diagonal[i]:g} at ({i})"
-            )
-    operator = Operator(A, diagonal)
-    u, v = np.random.default_rng(0).standard_normal((2, n))
-    Au, Av, norm = operator @ u, operator @ v, np.linalg.norm
-    with np.errstate(all="ignore"):
-        gap = abs(float(u @ Av) - float(v @ Au))
-        size = float(norm(u) * norm(Av) + norm(v) * norm(Au))
-    if gap > SYMMETRIC * size:
-        raise ValueError(
-            "A must be symmetric as a LinearOperator: u'Av and v'Au differ by "
-            f"{gap / size:.1e} of their size for random u and v"
-        )
-    return operator
+        return self.known

@@ -9,7 +9,7 @@ from scipy.sparse.linalg import LinearOperator
 
 from namlcp.checks import finite_square_matrix
 from namlcp.lcp.loops import dominance_csr, read_rows
-from namlcp.lcp.operators import operator_data
+from namlcp.lcp.operators import Operator
 from namlcp.linalg.columns import Columns, columns_of
 from namlcp.linalg.csc import arrays_of
 from namlcp.linalg.definite import is_symmetric
@@ -62,7 +62,7 @@ class Prepared:
 
     def __init__(self, A: Any, diagonal: Any = None):
         if isinstance(A, LinearOperator):
-            self.hold(operator_data(A, diagonal))
+            self.hold(Operator(A, diagonal))
         elif diagonal is None:
             self.hold(finite_square_matrix("A", A, "csr"))
             if not self.is_sparse:  # cheap, and nearly every method asks for it
