@@ -56,6 +56,7 @@ class Prepared:
     last: np.ndarray | None = None  # the last solution that pivoting found
     unsuited = False  # whether A is known not to suit multigrid cycles
     # Every solve reads these; the lock of cached_property would take longer than they.
+    _diagonal: np.ndarray | None = None
     _slopes: np.ndarray | None = None
     _columns: Columns | None = None
     _stamp: int | None = None
@@ -99,11 +100,16 @@ class Prepared:
         return rows if read_rows(*arrays_of(A), rows) else None
 
     @property
+    def diagonal(self) -> np.ndarray:
+        if self._diagonal is None:
+            self._diagonal = self.A.diagonal()
+        return self._diagonal
+
+    @property
     def slopes(self) -> np.ndarray:
         """diag(A), 1 where that is not positive: the scaling, and Omega of s."""
         if self._slopes is None:
-            diagonal = self.A.diagonal()
-            self._slopes = np.where(diagonal > 0.0, diagonal, 1.0)
+            self._slopes = np.where(self.diagonal > 0.0, self.diagonal, 1.0)
         return self._slopes
 
     @property
@@ -124,7 +130,7 @@ class Prepared:
         x'A x < 0 for x = t e_i + r with any r that has (A r + A'r)_i != 0 and a large
         t of the right sign.
         """
-        A, diagonal = self.A, self.A.diagonal()
+        A, diagonal = self.A, self.diagonal
         if (diagonal > 0.0).all():
             return False
         r = np.random.default_rng(0).uniform(1.0, 2.0, diagonal.size)
@@ -155,6 +161,6 @@ class Prepared:
     @cached_property
     def dominance(self) -> float:
         """Upper bound of rho(|I - D^-1 A|), inf if a diagonal entry is not positive."""
-        if not np.all(self.A.diagonal() > 0.0):
+        if not np.all(self.diagonal > 0.0):
             return np.inf
         return min(dominance_csr(*arrays_of(self.A), self.root))
