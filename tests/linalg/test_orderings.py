@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from problems_elimination import fill, laplacian, natural, parts, upper
-from scipy.sparse import csc_array
 
+from namlcp.limits import Deadline, OutOfTime
 from namlcp.linalg import minimum_degree, supernodes
 
 
@@ -130,16 +130,10 @@ def test_a_forest_has_no_fill(name):
     assert minimum_degree(*parts(U)).counts.sum() == U.nnz - U.shape[0]
 
 
-def test_members_alone_are_ordered(K):
-    """Of a full symmetric matrix, as of its upper triangle."""
-    member = np.random.default_rng(5).random(K.shape[0]) < 0.6
-    F = np.flatnonzero(member)
-    alone = minimum_degree(*parts(upper(K[np.ix_(F, F)])))
-    for U in (upper(K), csc_array(K)):
-        order = minimum_degree(*parts(U), member)
-        np.testing.assert_array_equal(order.place[F], alone.place)
-        np.testing.assert_array_equal(order.counts, alone.counts)
-        assert (order.place[~member] == -1).all()
+def test_an_order_looks_at_the_clock():
+    indptr, indices = parts(upper(laplacian(150, 150)))
+    with pytest.raises(OutOfTime):
+        minimum_degree(indptr, indices, Deadline(0.0))
 
 
 def test_hubs_are_eliminated_last_and_cost_no_fill():

@@ -99,7 +99,7 @@ def test_a_large_h_matrix_is_convex_without_a_factorisation(monkeypatch):
     monkeypatch.setattr("namlcp.qp.convexity.MULTIGRID_ORDER", 400)
     with pytest.raises(ValueError, match="an eigenvalue of P"):
         solve_qp(P - 0.1 * (d @ d), np.ones(400), **none)
-    monkeypatch.setattr("namlcp.qp.convexity.plan_factors", None)
+    monkeypatch.setattr("namlcp.qp.convexity.has_positive_pivots", None)
     solve_qp(P, np.ones(400), **none)
 
 

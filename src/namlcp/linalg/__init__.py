@@ -24,7 +24,6 @@ from namlcp.linalg.definite import (
     PSD_SLACK,
     asymmetry,
     has_positive_pivots,
-    is_positive_semidefinite,
     is_symmetric,
 )
 from namlcp.linalg.factors import plan_factors, plan_lu

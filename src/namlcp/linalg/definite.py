@@ -1,15 +1,16 @@
-"""Tests whether a matrix is symmetric or positive semidefinite, up to rounding."""
+"""Tests whether a matrix is symmetric or positive definite, up to rounding."""
 
 from typing import Any
 
 import numpy as np
 from scipy.linalg.lapack import dpotrf
-from scipy.sparse import csc_array, eye_array, issparse, triu
+from scipy.sparse import csc_array
 
 from namlcp.entries import dense_asymmetry, sparse_asymmetry
+from namlcp.limits import NEVER, Deadline
 from namlcp.linalg.csc import as_dense
-from namlcp.linalg.minimum_degree import minimum_degree
-from namlcp.linalg.sparse_ldl import SparseFactors
+from namlcp.linalg.factors import plan_factors
+from namlcp.linalg.sparse_ldl import Factors
 
 PSD_SLACK = 1e-6
 """Negative curvature of a matrix with unit diagonal that may be due to the rounding of
@@ -36,36 +37,26 @@ def is_symmetric(A: Any) -> bool:
     return gap <= SYMMETRY_ROUNDING * size
 
 
-def is_positive_semidefinite(A: Any, tolerance: float) -> bool:
-    """Tell whether A + tolerance I, symmetric or not, is positive definite."""
-    if issparse(A):
-        S = triu(0.5 * (A + A.T)) + tolerance * eye_array(A.shape[0])
-        return has_positive_pivots(csc_array(S))
-    S = 0.5 * (A + A.T)
-    S[np.diag_indices_from(S)] += tolerance
-    return bool(dpotrf(S, overwrite_a=1)[1] == 0)
+def positive_factors(triangle: csc_array, deadline: Deadline = NEVER) -> Factors | None:
+    """Return L D L' of the matrix with this upper triangle, None unless D > 0.
 
-
-def positive_factors(triangle: csc_array) -> SparseFactors | None:
-    """Return L D L' of the matrix with this upper triangle, None unless D > 0."""
-    triangle.sum_duplicates()
-    n = triangle.shape[0]
+    All diagonal entries are stored, as the last of their columns. OutOfTime if the
+    deadline is reached before.
+    """
     indptr, indices = (
         np.ascontiguousarray(v, np.int32) for v in (triangle.indptr, triangle.indices)
     )
-    if np.any(np.diff(indptr) == 0) or np.any(indices[indptr[1:] - 1] != np.arange(n)):
-        return None  # a diagonal entry is 0
-    factors = SparseFactors(indptr, indices, minimum_degree(indptr, indices))
+    factors = plan_factors(indptr, indices, deadline)
     try:
-        factors.refactor(triangle.data)
+        factors.refactor(triangle.data, deadline)
     except ValueError:  # a pivot is 0
         return None
     return factors if (factors.pivots > 0.0).all() else None
 
 
-def has_positive_pivots(triangle: csc_array) -> bool:
-    """Tell whether L D L' of a matrix, its upper triangle given, has D > 0."""
+def has_positive_pivots(triangle: csc_array, deadline: Deadline = NEVER) -> bool:
+    """Tell whether `positive_factors` are some, of a small matrix by a dense form."""
     if triangle.shape[0] <= DENSE_ORDER:
         lower = as_dense(triangle).T  # in the order of columns, as LAPACK has it
         return bool(dpotrf(lower, lower=1, clean=0, overwrite_a=1)[1] == 0)
-    return positive_factors(triangle) is not None
+    return positive_factors(triangle, deadline) is not None

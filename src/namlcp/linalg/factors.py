@@ -8,6 +8,7 @@ dense fronts are faster (`fronts`).
 import numpy as np
 from scipy.sparse import csc_array
 
+from namlcp.limits import NEVER, PASS, Deadline
 from namlcp.linalg.fronts import Fronts
 from namlcp.linalg.minimum_degree import minimum_degree
 from namlcp.linalg.ordering import Order, nested_dissection
@@ -25,13 +26,16 @@ MOST_WAITING = 12.0
 DEEP, FILL = 1e5, 4.0
 
 
-def plan_factors(indptr: np.ndarray, indices: np.ndarray) -> Factors:
+def plan_factors(
+    indptr: np.ndarray, indices: np.ndarray, deadline: Deadline = NEVER
+) -> Factors:
     """Return the factors that suit a pattern; `refactor` computes them.
 
     The pattern is the upper triangle of a quasi-definite matrix in CSC. All diagonal
-    entries are stored, as the last of their columns.
+    entries are stored, as the last of their columns. Raises OutOfTime.
     """
-    order = better_order(indptr, indices, minimum_degree(indptr, indices))
+    order = best_order(indptr, indices, deadline)
+    deadline.check(PASS * order.counts.sum(dtype=np.int64))
     if order.work >= max(HEAVY, HEAVY_ROW * order.parent.size):
         fronts = Fronts(indptr, indices, order, None, solve_threads())
         if fronts.stack <= MOST_WAITING * order.counts.sum(dtype=np.int64):
@@ -53,17 +57,22 @@ def plan_lu(indptr: np.ndarray, indices: np.ndarray) -> Fronts:
     rows, columns = indices[upper].astype(np.int32), columns[upper]
     counts = np.bincount(columns, minlength=n)
     starts = np.concatenate(([0], np.cumsum(counts))).astype(np.int32)
-    order = better_order(starts, rows, minimum_degree(starts, rows))
+    order = best_order(starts, rows, NEVER)
     pairs = np.array([numbers[upper], across[upper]])
     is_below = order.place[rows] > order.place[columns]  # in the order of elimination
     return Fronts(starts, rows, order, np.where(is_below, pairs, pairs[::-1]))
 
 
-def better_order(indptr: np.ndarray, indices: np.ndarray, order: Order) -> Order:
-    """Return an order by nested dissection where it causes less work."""
+def best_order(indptr: np.ndarray, indices: np.ndarray, deadline: Deadline) -> Order:
+    """Return the order by minimum degree, or that by nested dissection if it is less.
+
+    Less work; the second one is tried only where it may be.
+    """
+    order = minimum_degree(indptr, indices, deadline)
     if order.work < DEEP * order.parent.size:
         return order
     if order.counts.sum(dtype=np.int64) < FILL * indices.size:
         return order
+    deadline.check()
     other = nested_dissection(indptr, indices)
     return order if other is None or other.work >= order.work else other

@@ -1,10 +1,10 @@
-cdef double ABOVE_ROOT, ABOVE_MEAN
+from namlcp.watch cimport Watched
+
+cdef double ABOVE_ROOT, ABOVE_MEAN, OPERATIONS
 cdef enum:
     NONE = -1
-cpdef enum:
-    OUTSIDE
-    VARIABLE
-    BESIDE
+    VARIABLE = 1
+    BESIDE = 2
 
 cdef struct Quotient:
     # The quotient graph; a node is a variable or, once eliminated, an element. All
@@ -23,15 +23,15 @@ cdef struct Quotient:
     # are in no such list: they are in lists of equal keys, from bucket[key] on, and
     # before[i] is the key of i.
     #
-    # kind: OUTSIDE, VARIABLE, or BESIDE for a hub; the first `done` places are taken.
+    # kind: VARIABLE, or BESIDE for a hub; the first `done` places are taken.
     Py_ssize_t size, room, end, tag, done
     Py_ssize_t *start, *mark, *degree
     int *kind, *place, *length, *elements, *weight, *following, *last, *hubs, *head
     int *after, *before, *bucket, *adjacent
 
-cdef bint order_by_degree(const int* indptr, const int* indices, Py_ssize_t size, int* kind, int* place) noexcept nogil
+cdef bint order_by_degree(const int* indptr, const int* indices, Py_ssize_t size, int* kind, int* place, Watched watch) noexcept nogil
 cdef void mark_hubs(Quotient* g, const int* indptr, const int* indices) noexcept nogil
-cdef bint eliminate_all(Quotient* g, const int* indptr, const int* indices) noexcept nogil
+cdef bint eliminate_all(Quotient* g, const int* indptr, const int* indices, Watched watch) noexcept nogil
 cdef Py_ssize_t count_neighbours(Quotient* g, const int* indptr, const int* indices) noexcept nogil
 cdef void write_neighbours(Quotient* g, const int* indptr, const int* indices) noexcept nogil
 cdef Py_ssize_t listed_degree(Quotient* g, Py_ssize_t i) noexcept nogil

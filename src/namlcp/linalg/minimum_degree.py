@@ -19,40 +19,46 @@ from cython import Py_ssize_t
 from cython.cimports.libc.math import sqrt
 from cython.cimports.libc.stdlib import free, malloc, realloc
 from cython.cimports.namlcp.linalg.arrays import places
+from cython.cimports.namlcp.watch import Watched, is_over, raise_kept
 
-from namlcp.entries import constant
+from namlcp.limits import NEVER, OutOfTime
 from namlcp.linalg.ordering import postordered
 
 # Neighbours of a hub at least, relative to the square root of the order, and to the
 # mean over all rows.
 ABOVE_ROOT, ABOVE_MEAN = 2.0, 6.0
+# Operations for each neighbour of a pivot, about.
+OPERATIONS = 100.0
 
 
-def minimum_degree(indptr, indices, member=None):
-    """Order the rows in `member` of a symmetric matrix, or all; return the `Order`.
+def minimum_degree(indptr, indices, deadline=NEVER):
+    """Return an `Order` of a symmetric matrix; OutOfTime if the deadline is reached.
 
     The matrix is in CSC, its entries below the diagonal are not read.
     """
     size: Py_ssize_t = indptr.size - 1
-    kind, place = constant(size, VARIABLE, np.int32), np.empty(size, np.int32)
-    if member is not None:
-        kind[~member] = OUTSIDE
+    kind, place = np.empty((2, size), np.int32)
     # Sums of SciPy's matrices have indices of 64 bits.
     indptr = np.ascontiguousarray(indptr, np.int32)
     indices = np.ascontiguousarray(indices, np.int32)
     columns, rows = places(indptr, size + 1), places(indices, indices.size)
     kinds, to = places(kind, size), places(place, size)
+    watch = Watched()
+    watch.until = deadline.at
     with cython.nogil:
-        is_done = order_by_degree(columns, rows, size, kinds, to)
+        is_done = order_by_degree(columns, rows, size, kinds, to, watch)
+    raise_kept(watch)
+    if watch.over:
+        raise OutOfTime
     if not is_done:
         raise MemoryError("no memory for an elimination order")
     return postordered(indptr, indices, place)
 
 
-def order_by_degree(indptr, indices, size, kind, place):
-    """Set place[i] for all rows i of the kind VARIABLE, -1 for the others.
+def order_by_degree(indptr, indices, size, kind, place, watch):
+    """Set the places of all rows; `kind` is work space.
 
-    `kind` is overwritten. False where there is not enough memory.
+    False where there is not enough memory, or the watch, if not None, says to stop.
     """
     quotient: Quotient
     g = cython.address(quotient)
@@ -60,8 +66,6 @@ def order_by_degree(indptr, indices, size, kind, place):
     shorts = cython.cast(cython.p_int, malloc(10 * 4 * (size + 1)))
     is_done: cython.bint = longs != cython.NULL and shorts != cython.NULL
     g.adjacent, g.size, g.kind, g.place, g.done = cython.NULL, size, kind, place, 0
-    for i in range(size):
-        place[i] = NONE
     if is_done:
         g.start, g.mark, g.degree = longs, longs + size, longs + 2 * size
         g.length, g.elements = shorts, shorts + size
@@ -70,7 +74,7 @@ def order_by_degree(indptr, indices, size, kind, place):
         g.head, g.after = shorts + 6 * size, shorts + 7 * size
         g.before, g.bucket = shorts + 8 * size, shorts + 9 * size
         mark_hubs(g, indptr, indices)
-        is_done = eliminate_all(g, indptr, indices)
+        is_done = eliminate_all(g, indptr, indices, watch)
         for i in range(size):
             if kind[i] == BESIDE:
                 place[i] = g.done
@@ -89,22 +93,19 @@ def mark_hubs(g, indptr, indices):
     for j in range(g.size):
         for t in range(indptr[j], indptr[j + 1]):
             i = indices[t]
-            if i < j and kind[i] and kind[j]:
+            if i < j:
                 degree[i] += 1
                 degree[j] += 1
-    number: Py_ssize_t = 0
     total: Py_ssize_t = 0
     for i in range(g.size):
-        number += kind[i]
         total += degree[i]
-    least = max(ABOVE_ROOT * sqrt(number), ABOVE_MEAN * total / max(number, 1))
+    least = max(ABOVE_ROOT * sqrt(g.size), ABOVE_MEAN * total / max(g.size, 1))
     for i in range(g.size):
-        if degree[i] > least:
-            kind[i] = BESIDE
+        kind[i] = BESIDE if degree[i] > least else VARIABLE
 
 
-def eliminate_all(g, indptr, indices):
-    """Set the places of the variables, from 0 on; False without enough memory."""
+def eliminate_all(g, indptr, indices, watch):
+    """Set the places of the variables, from 0 on; False if that does not succeed."""
     left = count_neighbours(g, indptr, indices)
     g.room = 2 * g.end + left
     g.adjacent = cython.cast(cython.p_int, malloc(4 * (g.room + 1)))
@@ -124,6 +125,8 @@ def eliminate_all(g, indptr, indices):
             return False
         begin = g.end
         form_element(g, pivot)
+        if watch is not None and is_over(watch, OPERATIONS * (g.end + 1 - begin)):
+            return False
         widest = max(widest, g.degree[pivot])
         update(g, pivot)
         g.tag += widest + 1
@@ -164,7 +167,7 @@ def count_neighbours(g, indptr, indices):
                 degree[j] += 1
             elif kind[i] == BESIDE:
                 hubs[j] += 1
-            elif kind[j] == BESIDE:
+            else:
                 hubs[i] += 1
     g.end = 0
     for i in range(g.size):

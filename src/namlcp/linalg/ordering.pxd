@@ -1,4 +1,4 @@
-cpdef tuple permuted(const int[::1] indptr, const int[::1] indices, const int[::1] place, Py_ssize_t size, bint is_strict)
+cpdef tuple permuted(const int[::1] indptr, const int[::1] indices, const int[::1] place, bint is_strict)
 cdef tuple elimination_tree(const int[::1] indptr, const int[::1] indices)
 cdef object postorder(const int[::1] parent)
 cdef object merged(const int[::1] parent, const int[::1] counts, const int[::1] lower, const int[::1] below)

@@ -26,9 +26,8 @@ most that fraction of its entries are explicit zeros."""
 class Order(NamedTuple):
     """A fill-reducing order in which every column follows its descendants.
 
-    place (n,) has the new position of every row, -1 for those left out, parent (size,)
-    the elimination tree in new positions, counts (size,) the entries of L below the
-    diagonal.
+    place has the new position of every row, parent the elimination tree in new
+    positions, counts the entries of L below the diagonal.
     """
 
     place: np.ndarray
@@ -87,41 +86,39 @@ def nested_dissection(indptr, indices):
 
 
 def postordered(indptr, indices, place):
-    """Return the postordered equivalent of the order `place`, which is overwritten."""
-    size = (place >= 0).nonzero()[0].size
-    columns, rows, _ = permuted(indptr, indices, place, size, True)
+    """Return the postordered equivalent of the order `place`."""
+    columns, rows, _ = permuted(indptr, indices, place, True)
     parent, counts = elimination_tree(columns, rows)
     position = postorder(parent)
-    place[place >= 0] = position[place[place >= 0]]
-    new_parent, new_counts = np.empty((2, size), np.int32)
-    new_parent[position[:size]] = position[parent]
-    new_counts[position[:size]] = counts
-    return Order(place, new_parent, new_counts)
+    new_parent, new_counts = np.empty((2, place.size), np.int32)
+    new_parent[position[:-1]] = position[parent]
+    new_counts[position[:-1]] = counts
+    return Order(position[place], new_parent, new_counts)
 
 
-def permuted(indptr, indices, place, size, is_strict):
+def permuted(indptr, indices, place, is_strict):
     """Return the permuted upper triangle in CSC, and where its entries come from.
 
-    is_strict: without the diagonal. place[i] is the new place of row i, of `size`
-    places, or -1. The entries of a column are in their original order.
+    is_strict: without the diagonal. place[i] is the new place of row i. The entries of
+    a column are in their original order.
     """
     n, least = place.shape[0], 1 if is_strict else 0
-    starts = np.zeros(size + 1, np.int32)
+    starts = np.zeros(n + 1, np.int32)
     start: cython.int[::1] = starts
     for j in range(n):
         for t in range(indptr[j], indptr[j + 1]):
             i = indices[t]
-            if i <= j - least and place[i] >= 0 and place[j] >= 0:
+            if i <= j - least:
                 start[max(place[i], place[j])] += 1
-    for k in range(1, size + 1):  # start[k] is the end of column k, then its beginning
+    for k in range(1, n + 1):  # start[k] is the end of column k, then its beginning
         start[k] += start[k - 1]
-    rows, sources = np.empty((2, start[size]), np.int32)
+    rows, sources = np.empty((2, start[n]), np.int32)
     row: cython.int[::1] = rows
     source: cython.int[::1] = sources
     for j in range(n - 1, -1, -1):
         for t in range(indptr[j + 1] - 1, indptr[j] - 1, -1):
             i = indices[t]
-            if i <= j - least and place[i] >= 0 and place[j] >= 0:
+            if i <= j - least:
                 k = max(place[i], place[j])
                 start[k] -= 1
                 row[start[k]] = min(place[i], place[j])
@@ -188,7 +185,7 @@ def postorder(parent):
 def supernodes(indptr, indices, order):
     """Return the layout of L for a symmetric matrix in this order."""
     size = order.parent.size
-    columns, upper, source = permuted(indptr, indices, order.place, size, False)
+    columns, upper, source = permuted(indptr, indices, order.place, False)
     lower, below, source = transposed(columns, upper, source.astype(float), size)
     source = source.astype(np.int32)
     first = merged(order.parent, order.counts, lower, below)

@@ -30,7 +30,7 @@ import cython
 import numpy as np
 from cython import Py_ssize_t
 from cython.cimports import numpy as cnp
-from cython.cimports.libc.math import INFINITY, isfinite
+from cython.cimports.libc.math import isfinite
 from cython.cimports.namlcp.linalg.arrays import (
     data_of,
     new_vector,
@@ -42,6 +42,7 @@ from cython.cimports.namlcp.linalg.vectors import subtract_sum
 from cython.cimports.namlcp.watch import Watched, is_over, raise_kept
 
 from namlcp.checks import refuse_size
+from namlcp.limits import NEVER, OutOfTime
 from namlcp.linalg.ordering import permuted
 
 cnp.import_array()
@@ -66,16 +67,18 @@ class Factors:
     def __init__(self, indptr):
         self.n, self.nnz = indptr.size - 1, indptr[indptr.size - 1]
 
-    def refactor(self, data, until=INFINITY):
+    def refactor(self, data, deadline=NEVER):
         """Factor the matrix with these values; ValueError if a pivot is 0.
 
-        Or if time is over; until: the perf_counter() at which it is.
+        OutOfTime if the deadline is reached before.
         """
         watch, values = Watched(), numbers(data, self.nnz)
-        watch.until = until
+        watch.until = deadline.at
         with cython.nogil:
             is_done = self.factor_values(values, watch)
         raise_kept(watch)
+        if watch.over:
+            raise OutOfTime
         if not is_done:
             raise ValueError("a pivot vanishes")
 
@@ -111,7 +114,7 @@ class SparseFactors(Factors):
         self.work = order.work
         refuse_size("the factors", self.entries)
         n, entries = self.n, self.entries
-        triangle = permuted(indptr, indices, order.place, n, True)
+        triangle = permuted(indptr, indices, order.place, True)
         columns, rows, source = triangle
         ints, longs = np.empty((3, n), np.int32), np.empty((3, n + 1), np.intp)
         below, chunks = np.empty((2, entries), np.int32)
@@ -139,7 +142,7 @@ class SparseFactors(Factors):
 
     @property
     def row_lengths(self):
-        """The number of entries of each row of L beside the diagonal."""
+        """How many entries each row of L has beside the diagonal."""
         return np.bincount(self.row_numbers, minlength=self.n)
 
     def factor_values(self, data, watch):

@@ -18,10 +18,8 @@ from namlcp.linalg import (
     PSD_SLACK,
     arrays_of,
     has_positive_pivots,
-    plan_factors,
     unit_triangle,
 )
-from namlcp.linalg.definite import DENSE_ORDER
 from namlcp.theory import is_h_plus
 
 # Least order of P for which `is_h_plus`, a multigrid method, is tried before a
@@ -62,11 +60,7 @@ def check_convex(P: Any, deadline: Deadline = NEVER) -> None:
         if P.shape[0] >= MULTIGRID_ORDER and is_h_plus(P.T):
             return
         order = parts[0].size - 1
-        if order <= DENSE_ORDER:
-            definite = has_positive_pivots(from_arrays(parts, (order, order)))
-        else:
-            definite = has_positive_factors(parts, deadline)
-        if definite:
+        if has_positive_pivots(from_arrays(parts, (order, order)), deadline):
             return
         reason = (
             f"an eigenvalue of P with its diagonal scaled to 1 is below -{PSD_SLACK:g}"
@@ -79,16 +73,3 @@ def check_convex(P: Any, deadline: Deadline = NEVER) -> None:
             "is an eigenvalue"
         )
     raise NotConvex(f"P must be positive semidefinite: {reason}")
-
-
-def has_positive_factors(triangle: Any, deadline: Deadline) -> bool:
-    """Tell whether L D L' of a matrix, its upper triangle given, has D > 0."""
-    indptr, indices, data = triangle
-    factors = plan_factors(indptr, indices)
-    deadline.check()
-    try:
-        factors.refactor(data, deadline.at)
-    except ValueError:  # a pivot is 0, or time is over
-        deadline.check()
-        return False
-    return bool((factors.pivots > 0.0).all())

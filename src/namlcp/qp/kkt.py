@@ -26,6 +26,7 @@ from cython.cimports.namlcp.watch import is_over
 from cython.cimports.scipy.linalg.cython_blas import dsyrk
 
 from namlcp.checks import constant, refuse_size
+from namlcp.limits import NEVER
 from namlcp.linalg import plan_factors
 
 # Rows are condensed where they are as many as variables, and have this part of entries
@@ -69,11 +70,12 @@ class KKT:
         ):
             self.factors, self.factored = last.factors, last.factored
 
-    def plan(self, condense=False):
+    def plan(self, condense=False, deadline=NEVER):
         """Return the factors, which are not computed yet if they are new.
 
         With `condense` they may be those of P and the rows, condensed, where K~ is
-        definite in its first n rows and negative definite in the others.
+        definite in its first n rows and negative definite in the others. Raises
+        OutOfTime.
         """
         if self.factors is None:
             n, rows = self.n, self.size - self.n
@@ -81,7 +83,7 @@ class KKT:
             if condense and n <= rows and entries >= FULL * n * rows:
                 self.factors = Condensed(self.indptr, self.indices, n)
             else:
-                self.factors = plan_factors(self.indptr, self.indices)
+                self.factors = plan_factors(self.indptr, self.indices, deadline)
         return self.factors
 
     def factor(self):

@@ -76,7 +76,7 @@ from typing import Any
 import numpy as np
 from scipy import linalg, sparse
 
-from namlcp.linalg.definite import asymmetry, is_positive_semidefinite, positive_factors
+from namlcp.linalg.definite import asymmetry, positive_factors
 from namlcp.theory.comparison import (
     LARGEST_FACTORED,
     ROUNDOFF,
@@ -248,7 +248,7 @@ def positive_definite(A: Any) -> str:
     S = sparse.csr_array(root @ A @ root)
     if n <= LARGEST_DENSE or A.nnz > FILLED * n * n:
         c = 4.0 * (n + 8) * n * ROUNDOFF
-        if is_positive_semidefinite(S.toarray(), -c):
+        if linalg.lapack.dpotrf(S.toarray() - c * np.eye(n))[1] == 0:
             return f"Cholesky factorisation of D^(-1/2) A D^(-1/2) - {c:.1e} I"
         return ""
     upper = sparse.csc_matrix(sparse.triu(S))

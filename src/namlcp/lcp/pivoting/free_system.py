@@ -14,10 +14,7 @@ from cython import Py_ssize_t
 from cython.cimports.libc.math import INFINITY
 from cython.cimports.libc.stdlib import free, malloc
 from cython.cimports.namlcp.linalg.blas import cholesky, cholesky_solve, lu, lu_solve
-from cython.cimports.namlcp.linalg.minimum_degree import (
-    VARIABLE,
-    order_by_degree,
-)
+from cython.cimports.namlcp.linalg.minimum_degree import order_by_degree
 from cython.cimports.namlcp.linalg.vectors import fill
 
 from namlcp.linalg import columns, definite
@@ -75,9 +72,7 @@ def set_order(m):
         count += side[i] == 0
     m.is_sparse = m.symmetric and not m.is_dense and count > SMALL_ORDER
     if m.is_sparse and not m.is_ordered:
-        for i in range(m.n):
-            kind[i] = VARIABLE
-        if not order_by_degree(m.indptr, m.indices, m.n, kind, rank):
+        if not order_by_degree(m.indptr, m.indices, m.n, kind, rank, None):
             m.is_short = True
             return
         for i in range(m.n):
