@@ -1,3 +1,5 @@
+from namlcp.qp.transforms.scaling cimport Matrix
+
 cdef double VALUE_ROUNDING, RESIDUAL, RADIUS, EXACT_RESIDUAL, MARGIN, ROUNDED_VALUE, CANCELLED
 
 # Of a Farkas certificate: its value, the sum of the moduli of the terms of that, and the
@@ -6,14 +8,6 @@ cdef struct Farkas:
     double value
     double moduli
     double lam
-
-# The lines of a matrix: the rows of a dense one, of `width` numbers each (`starts` is NULL
-# then), or the columns of one in CSC.
-cdef struct Matrix:
-    Py_ssize_t lines, width
-    const double *values
-    const int *starts
-    const int *others
 
 # A QP for which something is claimed; three vectors of n + p + m numbers to work with; the
 # residuals of the certificate.
@@ -42,7 +36,6 @@ cdef void weigh(
 cdef void add_term(Farkas* found, double side, double multiplier) noexcept nogil
 cdef bint prove_infeasible(Claim* c, const double* x, double* y, double* z, double* z_box) noexcept nogil
 cdef bint prove_unbounded(Claim* c, const double* x, const double* y, const double* z, double* d) noexcept nogil
-cdef void equilibrate(Claim* c, bint has_cost) noexcept nogil
 cdef void scale(double factor, double* v, Py_ssize_t n) noexcept nogil
 cdef double sum_per(const double* v, const double* units, Py_ssize_t n) noexcept nogil
 cdef double largest_in(const double* v, const double* units, Py_ssize_t n) noexcept nogil
@@ -51,5 +44,4 @@ cdef Py_ssize_t first_of(const Matrix* M, Py_ssize_t line) noexcept nogil
 cdef (Py_ssize_t, Py_ssize_t) place_of(const Matrix* M, Py_ssize_t line, Py_ssize_t t) noexcept nogil
 cdef void add_products(const Matrix* M, const double* d, double* out, double* sizes) noexcept nogil
 cdef void add_transposed(const Matrix* M, const double* y, double* out) noexcept nogil
-cdef void note_entries(const Matrix* M, const double* rows, const double* columns, double* of_rows, double* of_columns) noexcept nogil
 cdef object take_matrix(Matrix* M, object array)

@@ -11,15 +11,10 @@ one for any step along it.
 import cython
 import numpy as np
 from cython import Py_ssize_t
-from cython.cimports.libc.math import INFINITY, NAN, fabs, isinf, sqrt
+from cython.cimports.libc.math import INFINITY, NAN, fabs, isinf
 from cython.cimports.namlcp.linalg.arrays import numbers, places
 from cython.cimports.namlcp.linalg.vectors import fill, largest_entry
-from cython.cimports.namlcp.qp.transforms.scaling import (
-    EQUAL,
-    LEAST_FACTOR,
-    MOST_FACTOR,
-    ROUNDS,
-)
+from cython.cimports.namlcp.qp.transforms.scaling import Matrix, equilibrate_parts
 
 # The value of a certificate, before it is scaled to -1, must be below minus this times
 # the sum of the moduli of its terms, far beyond the rounding errors of the sum.
@@ -107,7 +102,7 @@ def prove_infeasible(c, x, y, z, z_box):
     fill(c.units, 1.0, n + p + c.m)
     for has_units in range(2):
         if has_units:
-            equilibrate(c, False)
+            equilibrate_parts(cython.NULL, c.A, c.G, n, p, c.m, c.units, c.largest)
         worst, most = largest_in(s, c.units, n), largest_in(z_box, c.units, n)
         most = max(most, largest_per(y, c.units + n, p))
         most = max(most, largest_per(z, c.units + n + p, c.m))
@@ -156,7 +151,7 @@ def prove_unbounded(c, x, y, z, d):
     of_z = max(1.0, sum_per(z, units, m))
     for has_units in range(2):
         if has_units:
-            equilibrate(c, True)
+            equilibrate_parts(c.P, c.A, c.G, n, p, m, units, c.largest)
             of_x = of_y = of_z = max(1.0, largest_in(c.q, units, n))
         cost, equation = largest_in(r, units, n), largest_in(r + n, units + n, p)
         row = largest_in(r + n + p, units + n + p, m)
@@ -165,33 +160,6 @@ def prove_unbounded(c, x, y, z, d):
         if not suffices(worst, most, error, margin, moduli, cancels):
             return False
     return True
-
-
-def equilibrate(c, has_cost):
-    """Set c.units to factors of x, y and z that equilibrate P (or 0), A and G.
-
-    They are those of `transforms.scaling.equilibrate` for the KKT matrix.
-    """
-    n, p, units, largest = c.n, c.p, c.units, c.largest
-    size = n + p + c.m
-    fill(units, 1.0, size)
-    for _ in range(ROUNDS):
-        fill(largest, 0.0, size)
-        if has_cost:
-            note_entries(c.P, units, units, largest, largest)
-        note_entries(c.A, units + n, units, largest + n, largest)
-        note_entries(c.G, units + n + p, units, largest + n + p, largest)
-        off = 0.0
-        for k in range(size):
-            factor = units[k]
-            if largest[k] > 0.0:
-                off = max(off, fabs(1.0 - largest[k]))
-                factor /= sqrt(largest[k])
-            largest[k] = min(max(factor, LEAST_FACTOR), MOST_FACTOR)
-        if off <= EQUAL:
-            break
-        for k in range(size):
-            units[k] = largest[k]
 
 
 # ---- vectors and matrices
@@ -256,25 +224,6 @@ def add_transposed(M, y, out):
             i, j = place_of(M, line, t)
             if y[i] != 0.0:
                 out[j] += M.values[t] * y[i]
-
-
-def note_entries(M, rows, columns, of_rows, of_columns):
-    """Note the largest entries of the rows and columns of M scaled by two vectors."""
-    for line in range(M.lines):
-        first, last = first_of(M, line), first_of(M, line + 1)
-        if M.starts == cython.NULL:
-            row, factor, most = M.values + first, rows[line], of_rows[line]
-            for j in range(last - first):
-                value = fabs(row[j]) * factor * columns[j]
-                of_columns[j] = max(of_columns[j], value)
-                most = max(most, value)
-            of_rows[line] = most
-            continue
-        for t in range(first, last):
-            i = M.others[t]
-            value = fabs(M.values[t]) * rows[i] * columns[line]
-            of_rows[i] = max(of_rows[i], value)
-            of_columns[line] = max(of_columns[line], value)
 
 
 # ---- arrays of NumPy

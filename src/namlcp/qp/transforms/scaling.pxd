@@ -1,8 +1,21 @@
+# The lines of a matrix: the rows of a dense one, of `width` numbers each (`starts` is NULL
+# then), or the columns of one in CSC.
+cdef struct Matrix:
+    Py_ssize_t lines, width
+    const double *values
+    const int *starts
+    const int *others
+
 cdef enum:
     ROUNDS = 10
     STEPS = 20
 
 cdef double EQUAL, LEAST_FACTOR, MOST_FACTOR, REDUCTION, LARGEST, LEAST_DIVISOR
 
-cpdef int equilibrate(const int[::1] indptr, const int[::1] indices, double[::1] data, double[::1] scale) except -1
+cpdef int equilibrate(object indptr, object indices, object data, object scale) except -1
+cdef void equilibrate_parts(
+    const Matrix* P, const Matrix* A, const Matrix* G, Py_ssize_t n, Py_ssize_t p, Py_ssize_t m,
+    double* units, double* largest,
+) noexcept nogil
+cdef void note_entries(const Matrix* M, const double* rows, const double* columns, double* of_rows, double* of_columns) noexcept nogil
 cpdef int even_out(const int[::1] indptr, const int[::1] indices, const double[::1] data, double[::1] scale) except -1

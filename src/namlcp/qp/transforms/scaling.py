@@ -14,8 +14,10 @@ are divided by `unit`.
 
 import cython
 import numpy as np
+from cython import Py_ssize_t
 from cython.cimports.libc.math import exp, fabs, log, sqrt
-from cython.cimports.namlcp.linalg.vectors import dot
+from cython.cimports.namlcp.linalg.arrays import numbers, places
+from cython.cimports.namlcp.linalg.vectors import copy, dot, fill
 
 from namlcp.entries import constant
 from namlcp.linalg import columns
@@ -122,33 +124,62 @@ def equilibrate(indptr, indices, data, scale):
     `scale` has factors to begin with, which are not in `data` yet, or 1; it is clipped
     to [LEAST_FACTOR, MOST_FACTOR]; an empty row keeps its factor.
     """
-    size = scale.shape[0]
-    largest: cython.double[::1] = np.empty(size)
+    K: Matrix
+    size: Py_ssize_t = scale.size
+    work, factor = np.empty(size), numbers(scale, size)
+    K.lines, K.starts, count = size, places(indptr, size + 1), indices.size
+    K.others, entry = places(indices, count), numbers(data, count)
+    K.values = entry
+    equilibrate_parts(
+        cython.address(K), cython.NULL, cython.NULL, size, 0, 0, factor,
+        numbers(work, size),
+    )  # fmt: skip
+    for j in range(size):
+        for t in range(K.starts[j], K.starts[j + 1]):
+            entry[t] *= factor[j] * factor[K.others[t]]
+    return 0
+
+
+def equilibrate_parts(P, A, G, n, p, m, units, largest):
+    """Multiply units, of x, y and z, by factors that equilibrate K.
+
+    P may be its upper triangle; parts that are NULL count as 0. largest: work space.
+    """
+    size = n + p + m
     for _ in range(ROUNDS):
-        for j in range(size):
-            largest[j] = 0.0
-        for j in range(size):
-            most, factor = largest[j], scale[j]
-            for t in range(indptr[j], indptr[j + 1]):
-                i = indices[t]
-                value = fabs(data[t]) * factor * scale[i]
-                largest[i] = max(largest[i], value)
-                most = max(most, value)
-            largest[j] = most
+        fill(largest, 0.0, size)
+        note_entries(P, units, units, largest, largest)
+        note_entries(A, units + n, units, largest + n, largest)
+        note_entries(G, units + n + p, units, largest + n + p, largest)
         off = 0.0
-        for j in range(size):
+        for k in range(size):
             factor = 1.0
-            if largest[j] > 0.0:
-                off = max(off, fabs(1.0 - largest[j]))
-                factor = 1.0 / sqrt(largest[j])
-            largest[j] = min(max(factor * scale[j], LEAST_FACTOR), MOST_FACTOR)
+            if largest[k] > 0.0:
+                off = max(off, fabs(1.0 - largest[k]))
+                factor = 1.0 / sqrt(largest[k])
+            largest[k] = min(max(factor * units[k], LEAST_FACTOR), MOST_FACTOR)
         if off <= EQUAL:
             break
-        for j in range(size):
-            scale[j] = largest[j]
-    for j in range(size):
-        for t in range(indptr[j], indptr[j + 1]):
-            data[t] *= scale[j] * scale[indices[t]]
+        copy(largest, units, size)
+
+
+def note_entries(M, rows, columns, of_rows, of_columns):
+    """Note the largest entries of the rows and columns of M scaled by two vectors."""
+    for line in range(0 if M == cython.NULL else M.lines):
+        if M.starts == cython.NULL:
+            row, factor, most = M.values + line * M.width, rows[line], of_rows[line]
+            for j in range(M.width):
+                value = fabs(row[j]) * columns[j] * factor
+                of_columns[j] = max(of_columns[j], value)
+                most = max(most, value)
+            of_rows[line] = most
+            continue
+        factor = columns[line]
+        for t in range(M.starts[line], M.starts[line + 1]):
+            i = M.others[t]
+            value = fabs(M.values[t]) * factor * rows[i]
+            of_rows[i] = max(of_rows[i], value)
+            of_columns[line] = max(of_columns[line], value)
 
 
 def even_out(indptr, indices, data, scale):
