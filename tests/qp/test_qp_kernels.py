@@ -20,9 +20,8 @@ from namlcp.qp.transforms import ScaledQP, presolve
 
 LIMITS = Limits(1e-9, 0.0)
 TOL = 1e-6
-steps, loop, newton, regularisation = (
-    plain.module(f"namlcp.qp.interior.{name}")
-    for name in ("steps", "loop", "newton", "regularisation")
+steps, loop, newton = (
+    plain.module(f"namlcp.qp.interior.{name}") for name in ("steps", "loop", "newton")
 )
 
 
@@ -56,9 +55,9 @@ class Transcription:
 
     def first_point(self):
         """W = Z = 1 as weights of least squares, then Mehrotra's shift."""
-        (m, n), p, delta = self.S.shape, self.b.size, regularisation.DELTA
+        (m, n), p, delta = self.S.shape, self.b.size, newton.DELTA
         K = np.block([
-            [self.P + regularisation.RHO * np.eye(n), self.A.T, self.S.T],
+            [self.P + newton.RHO * np.eye(n), self.A.T, self.S.T],
             [self.A, -delta * np.eye(p), np.zeros((p, m))],
             [self.S, np.zeros((m, p)), -(1.0 + delta) * np.eye(m)],
         ])  # fmt: skip

@@ -7,7 +7,6 @@ cdef enum:
     PROXIMAL_STEPS = 25
 
 cdef int refine(Interior m) except -1
-cdef void solve_shifted(Interior m) noexcept nogil
 cdef void solve_set(Interior m) noexcept nogil
 cdef void hold(Interior m) noexcept nogil
 cdef double set_residual(Interior m) noexcept nogil

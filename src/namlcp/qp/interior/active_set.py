@@ -52,13 +52,18 @@ def refine(m):
 
     Offers every point found to the judge. Ends with a residual over its tolerance of
     GOOD_ENOUGH, where that ratio is not halved or the violation does not FALL, or where
-    the set does not change.
+    the set does not change. A larger shift that succeeds stays.
     """
     best = violation = INFINITY
     m.regularisation = FIRST_SHIFT
     for _ in range(MOST_SETS):
         with cython.nogil:
-            solve_shifted(m)
+            solve_set(m)
+            if m.regularisation == FIRST_SHIFT and not m.converged:
+                m.regularisation = SECOND_SHIFT
+                solve_set(m)
+                if not m.converged:
+                    m.regularisation = FIRST_SHIFT
         if m.over or not m.is_factored:
             return 0
         if m.set_violation <= FAR * m.tol or not m.set_changed:
@@ -76,20 +81,6 @@ def refine(m):
             return 0
         copy(m.found, m.start, m.length)
     return 0
-
-
-def solve_shifted(m):
-    """Solve the system, with the larger shift if the smaller one does not suffice.
-
-    If that does, it stays.
-    """
-    is_small: cython.bint = m.regularisation == FIRST_SHIFT
-    solve_set(m)
-    if is_small and not m.converged:
-        m.regularisation = SECOND_SHIFT
-        solve_set(m)
-        if not m.converged:
-            m.regularisation = FIRST_SHIFT
 
 
 def solve_set(m):

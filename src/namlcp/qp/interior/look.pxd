@@ -8,7 +8,8 @@ cdef enum:
     CLOCK = 16
     STOP = 32
     IDLE = 20
-cdef double CLOSE, NEAR, NEAR_MU, STEADY, CONVERGING, PROMISING, SMALL_RATIO, AGAIN
+    LARGE_KKT = 5_000
+cdef double DROP, DROP_LARGE, CLOSE, NEAR, NEAR_MU, STEADY, CONVERGING, PROMISING, SMALL_RATIO, AGAIN
 cdef double STUCK, PASSES
 
 cdef int look(Interior m) noexcept nogil

@@ -16,6 +16,9 @@ from cython.cimports.namlcp.watch import is_over
 CLOSE = 1e3
 # An active-set refinement needs a worst residual, or a mean of W Z, below these.
 NEAR, NEAR_MU = 1e-2, 1e-7
+# The worst residual has to fall to this part of that at the last active-set refinement
+# before the next one, for small and for large K, with more than LARGE_KKT entries.
+DROP, DROP_LARGE = 0.1, 1e-3
 # Worst residual over its tolerance from which on a refinement needs an active set that
 # did not change in the last iteration.
 STEADY = 100.0
@@ -40,7 +43,8 @@ def look(m):
         wants |= JUDGE
     same: cython.bint = mark_active(m)
     near: cython.bint = m.tol * m.worst < NEAR or m.mu < NEAR_MU
-    if near and m.worst <= m.drop * m.last_refined and (m.worst < STEADY or same):
+    drop = DROP_LARGE if m.nnz > LARGE_KKT else DROP
+    if near and m.worst <= drop * m.last_refined and (m.worst < STEADY or same):
         m.last_refined = m.worst
         wants |= ACTIVE_SET
     if promises(m):
@@ -75,10 +79,12 @@ def promises(m):
     it is within the tolerance or falls to a quarter, no candidate is tested.
     """
     dual_norm, primal_norm = m.dual_norm, max(m.row_norm, m.slack_norm)
-    m.dual_stuck = dual_norm > CONVERGING * m.old_dual_norm and m.dual > m.tol
-    m.primal_stuck = primal_norm > CONVERGING * m.old_primal_norm and m.primal > m.tol
+    dual: cython.bint = dual_norm > CONVERGING * m.old_dual_norm and m.dual > m.tol
+    primal: cython.bint = (
+        primal_norm > CONVERGING * m.old_primal_norm and m.primal > m.tol
+    )
     m.old_dual_norm, m.old_primal_norm = dual_norm, primal_norm
-    if not (m.primal_stuck or m.dual_stuck):
+    if not (primal or dual):
         return False
     du, dZ, dv, ratios = m.step.du, m.step.dZ, m.dv, m.ratios
     fill(dv, 0.0, m.size)
@@ -94,7 +100,7 @@ def promises(m):
     ratios[3] = ray_ratio(m, du, m.Pdx, m.dt)
     found: cython.bint = False
     for k in range(4):
-        is_stuck: cython.bint = m.primal_stuck if k < 2 else m.dual_stuck
+        is_stuck: cython.bint = primal if k < 2 else dual
         if not is_stuck or not ratios[k] <= PROMISING:
             ratios[k] = INFINITY
         elif ratios[k] <= SMALL_RATIO or ratios[k] <= AGAIN * m.tested[k]:

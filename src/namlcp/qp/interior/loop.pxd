@@ -12,7 +12,6 @@ cdef object iterate(Interior m, object guess)
 cdef object answer(Interior m, int wants)
 cdef void begin(Interior m) noexcept nogil
 cdef bint start(Interior m) noexcept nogil
-cdef int measure(Interior m) noexcept nogil
 cdef bint step(Interior m) noexcept nogil
 cdef bint predict(Interior m) noexcept nogil
 cdef void find_step(Interior m) noexcept nogil

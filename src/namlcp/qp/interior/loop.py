@@ -27,22 +27,21 @@ from cython.cimports.namlcp.qp.interior.look import (
     STOP,
     look,
 )
-from cython.cimports.namlcp.qp.interior.newton import factor, solve
-from cython.cimports.namlcp.qp.interior.regularisation import (
+from cython.cimports.namlcp.qp.interior.newton import (
     DELTA,
     POOR,
     RHO,
+    factor,
     regularise,
+    solve,
     strengthen,
 )
 from cython.cimports.namlcp.qp.interior.state import EXACT, attach, offer
 from cython.cimports.namlcp.qp.interior.steps import (
     aim_at_centre,
     aim_at_longer_step,
-    aim_at_zero,
     assemble,
     evaluate,
-    exchange_steps,
     move,
     prepare_start,
     set_right_side,
@@ -102,7 +101,11 @@ def iterate(m, guess):
             goes_on: cython.bint = m.is_warm or start(m)
         while goes_on:
             with cython.nogil:
-                wants = measure(m)
+                old_mu = m.mu
+                evaluate(m)
+                if m.iterations > 0:
+                    regularise(m, old_mu)
+                wants = look(m)
             if wants:
                 verdict = answer(m, wants)
                 raise_kept(m)
@@ -175,15 +178,6 @@ def start(m):
     return True
 
 
-def measure(m):
-    """Measure the iterate and adapt the regularisation; return what it needs."""
-    old_mu = m.mu
-    evaluate(m)
-    if m.iterations > 0:
-        regularise(m, old_mu)
-    return look(m)
-
-
 def step(m):
     """Make a step; False if K~ has no good factors."""
     if not predict(m):
@@ -198,12 +192,13 @@ def step(m):
 
 
 def predict(m):
-    """Make Mehrotra's predictor, the step towards W Z = 0."""
+    """Make Mehrotra's predictor, the step for W Z + W dZ + Z dW = 0."""
     for _ in range(FACTORISATIONS):
         assemble(m)
         m.step.error = INFINITY
         if factor(m):
-            aim_at_zero(m)
+            for k in range(m.m):
+                m.rc[k] = -m.W[k] * m.Z[k]
             find_step(m)
             if m.step.error <= POOR:
                 return True
@@ -224,11 +219,11 @@ def correct(m):
     find_step(m)
     if m.step.primal + m.step.dual < LONG:
         aim_at_longer_step(m)
-        exchange_steps(m)
+        m.step, m.other = m.other, m.step
         find_step(m)
         longer = m.step.primal + m.step.dual
         if not longer >= m.other.primal + m.other.dual + GAIN:
-            exchange_steps(m)
+            m.step, m.other = m.other, m.step
 
 
 # ---- in Python: the judge, the clock, other starts

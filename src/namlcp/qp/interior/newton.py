@@ -1,4 +1,4 @@
-"""Factorisation of K~, and solution of K~ u = rhs with refinement.
+"""The linear systems: factors of K~, solutions with refinement, regularisation.
 
 Residuals are measured as max |r_i| / max(1, |K~_ii|): rows of inactive constraints have
 diagonals of 1e10 and more, and would outweigh all others.
@@ -7,6 +7,12 @@ Factors of a nearly singular K~ have a few wrong directions, on which refinement
 not converge and GMRES (Y. Saad and M. Schultz, SIAM J. Sci. Stat. Comput. 7, 1986)
 needs a few steps. The factors precondition it from the right, so that the residuals
 that it makes small are those above.
+
+rho and delta, on the diagonal of K~, belong to proximal terms around the current point:
+they shorten the steps but do not move the solution. They fall with mu to FLOOR. From
+there inaccurate solves raise them, and accurate solves lower the one that dominates its
+residual, if that residual or its share of the gap has to become smaller: below 1e-7
+factorisations of K~ begin to fail.
 """
 
 import cython
@@ -25,6 +31,21 @@ GMRES_ABOVE = 1e-6
 # A new product of this size, relative to what it was before others were taken out, is
 # rounding.
 BREAKDOWN = 1e-14
+# rho and delta at the start.
+RHO, DELTA = 1e-6, 1e-4
+# rho and delta fall with mu down to FLOOR; then accurate solves, or steps without
+# inequalities, lower them down to LOWEST. A bad solve raises them tenfold, up to TOP.
+FLOOR, LOWEST, TOP = 1e-7, 1e-16, 1e-6
+# Relative residuals above which a solve is bad, and below which it is accurate; the
+# latter after a step of full length, too, whose remainder is due to rho and delta.
+POOR, ACCURATE, ACCURATE_FULL = 1e-5, 1e-8, 1e-6
+# WAIT: iterations without lowering after a bad solve.
+# Scaled dual residual up to which rho is not held responsible for it.
+NEGLIGIBLE_RESIDUAL = 1e-12
+# A residual has to become smaller above NEEDED times its tolerance, and above BEHIND
+# times what the gap is over its own; its share of the gap above NEEDED times the
+# largest of m mu and the tolerance of the gap.
+NEEDED, BEHIND = 0.1, 1e-4
 
 
 def factor(m):
@@ -74,42 +95,32 @@ def set_remainder(m, b, u, r):
 
 
 def solve(m):
-    """Set du to the solution of K~ du = rhs, refined, and r to its residual."""
+    """Set du to the solution of K~ du = rhs, refined, and r to its residual.
+
+    The refinement ends at the accuracy wanted, or where a step does not halve the
+    residual.
+    """
     copy(m.rhs, m.r, m.size)
     fill(m.step.du, 0.0, m.size)
     m.rhs_norm = max(SMALL_RHS, weighted_norm(m.rhs, m.row_size, m.size))
-    m.step.error, m.solves = INFINITY, 0
-    is_done: cython.bint = False
-    while not is_done:
+    m.step.error = INFINITY
+    for k in range(REFINEMENT_STEPS + 1):
         m.factors.solve_into(m.r, m.answer)
-        is_done = is_refined(m)
+        for j in range(m.size):
+            m.trial[j] = m.step.du[j] + m.answer[j]
+        error = set_remainder(m, m.rhs, m.trial, m.trial_r) / m.rhs_norm
+        if k > 0 and not error < m.step.error:
+            m.attained = min(m.step.error, m.tol)
+            break
+        gained: cython.bint = k == 0 or error <= 0.5 * m.step.error
+        accept(m, error)
+        if error <= m.accuracy or not gained or k == REFINEMENT_STEPS:
+            break
+        if error <= ABOVE_ATTAINED * m.attained:
+            m.attained *= FORGET
+            break
     if m.krylov_pays and not m.step.error <= GMRES_ABOVE:
         improve(m)
-
-
-def is_refined(m):
-    """Add `answer` to the solution du if that reduces its residual r.
-
-    Tells whether the refinement ends: at the accuracy wanted, or where a step does not
-    halve the residual.
-    """
-    du, trial = m.step.du, m.trial
-    for j in range(m.size):
-        trial[j] = du[j] + m.answer[j]
-    error = set_remainder(m, m.rhs, trial, m.trial_r) / m.rhs_norm
-    is_first: cython.bint = m.solves == 0
-    if not (is_first or error < m.step.error):
-        m.attained = min(m.step.error, m.tol)
-        return True
-    gained: cython.bint = is_first or error <= 0.5 * m.step.error
-    m.solves += 1
-    accept(m, error)
-    if error <= m.accuracy or not gained or m.solves > REFINEMENT_STEPS:
-        return True
-    if error > ABOVE_ATTAINED * m.attained:
-        return False
-    m.attained *= FORGET
-    return True
 
 
 def accept(m, error):
@@ -163,3 +174,50 @@ def improve(m):
     m.krylov_pays = error <= 0.5 * m.step.error
     if error < m.step.error:
         accept(m, error)
+
+
+# ---- regularisation
+
+
+def regularise(m, old_mu):
+    """Adapt rho and delta after a step, to its effect on mu and on the residuals."""
+    if m.m == 0:
+        lower(m, True, True)
+        return
+    factor = max(0.0, 1.0 - abs(old_mu - m.mu) / old_mu) if old_mu > 0.0 else 0.0
+    if m.rho > FLOOR:
+        m.rho = max(m.rho * factor, FLOOR)
+    if m.delta > FLOOR:
+        m.delta = max(m.delta * factor, FLOOR)
+    if not m.step.error <= POOR:
+        strengthen(m)
+    elif m.wait > 0:
+        m.wait -= 1
+    elif m.step.error < (ACCURATE_FULL if m.has_full_step else ACCURATE):
+        dual, primal = m.dual_norm, max(m.row_norm, m.slack_norm)
+        rho_dominates: cython.bint = (
+            dual > NEGLIGIBLE_RESIDUAL and m.rho * m.change_x > 0.5 * dual
+        )
+        delta_dominates: cython.bint = m.delta * m.change_yz > 0.5 * primal
+        gap = NEEDED * max(m.mu * m.m, m.eps_abs + m.eps_rel * m.gap_size)
+        needed = max(NEEDED, BEHIND * m.gap_ratio)
+        lower(
+            m,
+            rho_dominates and (m.dual_ratio > needed or m.dual_share > gap),
+            delta_dominates and (m.primal_ratio > needed or m.primal_share > gap),
+        )
+
+
+def lower(m, rho, delta):
+    """Divide rho, delta or both by ten."""
+    if rho:
+        m.rho = max(0.1 * m.rho, LOWEST)
+    if delta:
+        m.delta = max(0.1 * m.delta, LOWEST)
+
+
+def strengthen(m):
+    """Raise both after a bad solve."""
+    m.rho = max(m.rho, min(10.0 * m.rho, TOP))
+    m.delta = max(m.delta, min(10.0 * m.delta, TOP))
+    m.wait = WAIT

@@ -48,11 +48,11 @@ cdef class Interior(Watched):
         double eps_abs, eps_rel, tol, accuracy, attained
         readonly Py_ssize_t iterations, max_iter
         bint reports
-        # The mean of W Z, norms of the scaled residuals rd, rp and rw, then the first six
-        # numbers of `Residuals`, and the first three over their tolerances; |x'rd| and
-        # |y'rp + Z'rw|, the shares of the residuals in the gap.
+        # The mean of W Z, norms of the scaled residuals rd, rp and rw; |x'rd| and
+        # |y'rp + Z'rw|, the shares of the residuals in the gap; the unscaled residuals, as
+        # in `Residuals`, and these over their tolerances.
         double mu, dual_norm, row_norm, slack_norm, dual_share, primal_share
-        double primal, dual, gap, primal_size, dual_size, gap_size
+        double primal, dual, gap, gap_size
         double primal_ratio, dual_ratio, gap_ratio
         # The largest of the three, inf for NaN; the least one since the last restart.
         double worst, best
@@ -65,20 +65,17 @@ cdef class Interior(Watched):
         # Regularisation, and iterations left without lowering it.
         readonly double rho, delta
         Py_ssize_t wait
-        # Of a linear solve: norm of the right-hand side, solves made; whether GMRES halved
-        # the residual when it was last tried.
+        # Of a linear solve: norm of the right-hand side; whether GMRES halved the residual
+        # when it was last tried.
         double rhs_norm
-        Py_ssize_t solves
         bint krylov_pays
         # Worst ratio that must be halved, iterations since it was, some counted as
         # `look.IDLE` ones, and most of them; the primal residual one iteration before.
         double reference, old_primal
         Py_ssize_t since_halved, patience
-        # Worst ratio at the last active-set refinement, to be reduced to `drop` of it.
-        double last_refined, drop
-        # Whether the residuals that a certificate forbids to vanish do not fall; their
-        # norms one iteration before.
-        bint primal_stuck, dual_stuck
+        # Worst ratio at the last active-set refinement.
+        double last_refined
+        # Norms of the residuals one iteration before.
         double old_dual_norm, old_primal_norm
         # The active-set system: its regularisation, and the largest violation of a slack
         # or multiplier, unscaled; whether it was factored, whether its residual fell
@@ -93,9 +90,6 @@ cdef class Interior(Watched):
 
 
 cdef double ACCURACY, ACCURACY_EXACT, MOST_ACCURATE, LEAST_ACCURATE, EXACT
-cdef double DROP, DROP_LARGE
-cdef enum:
-    LARGE_KKT = 5_000
 
 cdef double* reals(Interior m, Py_ssize_t count) noexcept nogil
 cdef void lay_out(Interior m) noexcept nogil

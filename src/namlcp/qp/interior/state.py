@@ -15,9 +15,6 @@ ACCURACY, ACCURACY_EXACT = 1e-2, 1e-3
 MOST_ACCURATE, LEAST_ACCURATE = 1e-14, 1e-8
 # With a tolerance up to this, a solution is refined before it is returned.
 EXACT = 1e-8
-# The worst residual has to fall to this part of that at the last active-set refinement
-# before the next one, for small and for large K, with more than LARGE_KKT entries.
-DROP, DROP_LARGE = 0.1, 1e-3
 
 
 class Interior(Watched):
@@ -44,7 +41,6 @@ class Interior(Watched):
         accuracy = ACCURACY_EXACT if self.tol <= EXACT else ACCURACY
         self.accuracy = min(max(accuracy * self.tol, MOST_ACCURATE), LEAST_ACCURATE)
         self.max_iter = limits.max_iter or DEFAULT_OPTIONS.max_iter
-        self.drop = DROP_LARGE if self.nnz > LARGE_KKT else DROP
         self.best, self.step.primal, self.step.dual = INFINITY, 1.0, 1.0
 
     def __dealloc__(self):

@@ -60,14 +60,6 @@ def multiply(m, x, v, Px, Ctv, t):
         t[j] = total
 
 
-def set_sums(m, y, Z, v):
-    """Set v = (net z_box, y, net z) for multipliers of the one-sided constraints."""
-    fill(v, 0.0, m.size)
-    copy(y, v + m.n, m.p)
-    for k in range(m.m):
-        v[m.place[k]] += m.sign[k] * Z[k]
-
-
 def evaluate(m):
     """Set the residuals of the iterate, their norms and ratios; keep the best iterate.
 
@@ -75,7 +67,10 @@ def evaluate(m):
     `Residuals` are unscaled and measure the violation without W.
     """
     n, t, unit = m.n, m.t, m.unit
-    set_sums(m, m.y, m.Z, m.v)
+    fill(m.v, 0.0, m.size)
+    copy(m.y, m.v + n, m.p)
+    for k in range(m.m):
+        m.v[m.place[k]] += m.sign[k] * m.Z[k]
     multiply(m, m.x, m.v, m.Px, m.Ctv, t)
     primal: cython.double = 0.0
     primal_size: cython.double = 0.0
@@ -118,8 +113,7 @@ def evaluate(m):
     m.dual_norm, m.row_norm, m.slack_norm = dual_norm, row_norm, slack_norm
     m.dual_share, m.primal_share = abs(dual_share), abs(primal_share)
     m.mu = complement / m.m if m.m > 0 else 0.0
-    m.primal, m.primal_size = primal, primal_size
-    m.dual, m.dual_size = dual, dual_size
+    m.primal, m.dual = primal, dual
     m.gap = abs(xPx + qx + by + support)
     m.gap_size = max(abs(xPx), abs(qx), abs(by), abs(support))
     m.primal_ratio = primal / (m.eps_abs + m.eps_rel * primal_size)
@@ -204,12 +198,6 @@ def set_step(m):
     m.product = ww + dual * wz + primal * zw + primal * dual * zz
 
 
-def aim_at_zero(m):
-    """Set the target of the predictor: W Z + W dZ + Z dW = 0."""
-    for k in range(m.m):
-        m.rc[k] = -m.W[k] * m.Z[k]
-
-
 def aim_at_centre(m):
     """Set Mehrotra's target: W Z + W dZ + Z dW = sigma mu - the predictor's dW dZ."""
     ratio = min(max(m.product / (m.m * m.mu), 0.0), 1.0)
@@ -233,13 +221,6 @@ def aim_at_longer_step(m):
         product = (m.W[k] + a * m.step.dW[k]) * (m.Z[k] + z * m.step.dZ[k])
         nearest = min(max(product, least), most)
         m.rc[k] += max(nearest - product, -most)
-
-
-def exchange_steps(m):
-    """Exchange the step with the other one."""
-    last = m.step
-    m.step = m.other
-    m.other = last
 
 
 def move(m):
