@@ -85,7 +85,7 @@ def times(M, x):
     """Return M x. Raises ValueError where the sizes disagree."""
     if x.shape != (M.shape[1],):
         raise ValueError(f"x must have shape ({M.shape[1]},), got {x.shape}")
-    if not is_csc(M):
+    if not is_clean_csc(M):
         return (M @ x).reshape(M.shape[0])  # a coo_array of one row gives a scalar
     out = np.zeros(M.shape[0])
     add_columns(arrays_of(M), np.ascontiguousarray(x, float), out)
@@ -96,20 +96,11 @@ def add_transposed(M, z, out):
     """Add M'z to `out`. Raises ValueError where the sizes disagree."""
     if z.shape != (M.shape[0],) or out.shape != (M.shape[1],):
         raise ValueError(f"z must have shape ({M.shape[0]},), got {z.shape}")
-    if not is_csc(M):
+    if not is_clean_csc(M):
         out += z @ M
     elif z.size:
         z = np.ascontiguousarray(z, float)
         add_column_sums(arrays_of(M), z, out)
-
-
-def is_csc(M):
-    """Tell whether M is a CSC matrix of float64 and int32."""
-    return (
-        getattr(M, "format", "") == "csc"
-        and M.dtype == np.float64
-        and M.indices.dtype == M.indptr.dtype == np.int32
-    )
 
 
 def is_clean_csc(M):
