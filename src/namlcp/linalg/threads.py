@@ -77,65 +77,61 @@ def extension_modules() -> Iterator[str]:
             yield from map(str, folder.glob("*openblas*"))
 
 
-class Limited:
-    """A block of a solve with so many threads, of which BLAS may use its own number.
+class State(threading.local):
+    """How many threads the solve of this thread may use; what all blocks ask of BLAS.
 
-    Of blocks that run at once, the one that asks most of BLAS counts. A generator would
-    cost 3 us.
+    `asked` has that of the blocks that run, `before` what the first one found.
     """
 
+    threads = 1
     lock = threading.Lock()
-    asked: ClassVar[list[int]] = []  # by the blocks that run
-    before: ClassVar[list[int]] = []  # what the first one found
-    local = threading.local()
+    asked: ClassVar[list[int]] = []
+    before: ClassVar[list[int]] = []
 
-    def __init__(self, threads: int, blas: int) -> None:
-        self.threads, self.blas, self.outer = threads, blas, solve_threads()
 
-    def __enter__(self) -> None:
-        """Set the number."""
-        Limited.local.threads = self.threads
-        with Limited.lock:
-            if not Limited.asked:
-                Limited.before = [get() for _, get in settings()]
-            Limited.asked.append(self.blas)
-            put_threads()
+STATE = State()
 
-    def __exit__(self, *_: object) -> None:
-        """Restore what was set before."""
-        Limited.local.threads = self.outer
-        with Limited.lock:
-            if self.blas in Limited.asked:  # not so in a child of fork
-                Limited.asked.remove(self.blas)
+
+@contextlib.contextmanager
+def limited(threads: int, blas: int) -> Iterator[None]:
+    """Be a block of a solve with so many threads, of which BLAS may use its own number.
+
+    Of blocks that run at once, the one that asks most of BLAS counts.
+    """
+    outer, STATE.threads = STATE.threads, threads
+    with State.lock:
+        if not State.asked:
+            State.before[:] = [get() for _, get in settings()]
+        State.asked.append(blas)
+        put_threads()
+    try:
+        yield
+    finally:
+        STATE.threads = outer
+        with State.lock:
+            if blas in State.asked:  # not so in a child of fork
+                State.asked.remove(blas)
                 put_threads()
-
-
-def solve_threads() -> int:
-    """Return how many threads the solve that runs in this one may use."""
-    return getattr(Limited.local, "threads", 1)
 
 
 def put_threads() -> None:
     """Set the largest number asked for, or the number before the first block."""
-    for (put, get), before in zip(settings(), Limited.before, strict=True):
-        wanted = max(Limited.asked, default=before)
+    for (put, get), before in zip(settings(), State.before, strict=True):
+        wanted = max(State.asked, default=before)
         if get() != wanted:
             put(wanted)
 
 
 def forget() -> None:
     """Start anew in a forked process, which has none of the threads that solved."""
-    Limited.lock = threading.Lock()
-    if Limited.asked:
-        Limited.asked.clear()
+    State.lock = threading.Lock()
+    if State.asked:
+        State.asked.clear()
         put_threads()
 
 
 if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=forget)
-
-
-UNLIMITED: contextlib.AbstractContextManager[None] = contextlib.nullcontext()
 
 
 def blas_threads(
@@ -144,9 +140,9 @@ def blas_threads(
     """Let BLAS use `threads` threads in a `with` block, one where more do not pay.
 
     `order`: of the largest matrix that may be dense; up to UNTOUCHED_ORDER nothing is
-    set. Unless it is `dense`, BLAS has one, and the others are left: `solve_threads`.
+    set. Unless it is `dense`, BLAS has one, and the others are left: `STATE.threads`.
     """
     if order <= UNTOUCHED_ORDER or not settings():
-        return UNLIMITED
+        return contextlib.nullcontext()
     blas = threads if dense and order >= WORTH_ORDER else 1
-    return Limited(threads // blas, blas)
+    return limited(threads // blas, blas)
