@@ -196,8 +196,7 @@ def test_contradictions_of_presolve_are_proofs():
         qp = with_structure(seed)
         small, held = presolve(qp, 1e-6, 0.0), np.zeros(qp.q.size)
         held[small.fixed], free = small.x_fixed, small.kept
-        for reason in small.contradictions:
-            y, z = reason.y, reason.z
+        for _, y, z in small.contradictions:
             finite = np.where(z > 0.0, qp.h, 0.0)
             assert (qp.b - qp.A @ held) @ y + (finite - qp.G @ held) @ z < 0.0
             np.testing.assert_allclose((qp.A.T @ y + qp.G.T @ z)[free], 0, atol=1e-12)

@@ -63,9 +63,9 @@ def solve_interior(
 
 def refuted(small: Presolved, chain: Chain, judge: Judge) -> str | None:
     """Return why the constraints contradict each other, as presolve found, or None."""
-    for reason in small.contradictions:
-        small.hold_fixed(np.zeros(small.qp.q.size), reason.y, reason.z)
+    for message, y, z in small.contradictions:
+        small.hold_fixed(np.zeros(small.qp.q.size), y, z)
         x = chain.then(small).primal(np.zeros(small.q.size))
-        if judge.accept_multipliers(x, *chain.certificate(reason.y, reason.z)):
-            return reason.message
+        if judge.accept_multipliers(x, *chain.certificate(y, z)):
+            return message
     return None

@@ -6,6 +6,6 @@ back to the problem before the transform, `guess` maps a guess forward.
 """
 
 from namlcp.qp.transforms.huge_bounds import without_huge_bounds
-from namlcp.qp.transforms.presolve import Contradiction, Presolved, presolve
+from namlcp.qp.transforms.presolve import Presolved, presolve
 from namlcp.qp.transforms.scaling import ScaledQP, equilibrate
 from namlcp.qp.transforms.substitution import Substitution, substitute

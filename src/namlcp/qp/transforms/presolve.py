@@ -31,14 +31,6 @@ from namlcp.qp.transforms.repeated import (
 FIXED = 1e-12
 
 
-class Contradiction(NamedTuple):
-    """Why the constraints contradict each other, and multipliers of rows as proof."""
-
-    message: str
-    y: np.ndarray
-    z: np.ndarray
-
-
 class Presolved(NamedTuple):
     """The smaller problem of `qp` and the way back to it.
 
@@ -46,7 +38,8 @@ class Presolved(NamedTuple):
     CSR. `kept` and `fixed` are columns of `qp`; fixed_by = (rows of qp.G, their
     entries, columns) has those that rows fix. `side_of` are the rows of qp.G that give
     `sides`, -1 for none, `b_of` the rows of qp.A with the extreme right-hand sides of
-    an equation; b lies between.
+    an equation; b lies between. `contradictions` are reasons, (message, y, z) with
+    multipliers of rows as proof.
     """
 
     qp: QP
@@ -63,14 +56,10 @@ class Presolved(NamedTuple):
     x_fixed: np.ndarray
     b_of: np.ndarray
     side_of: np.ndarray
-    contradictions: list[Contradiction]
+    contradictions: list[tuple[str, np.ndarray, np.ndarray]]
     A_groups: Groups
     G_groups: Groups
     fixed_by: tuple[np.ndarray, np.ndarray, np.ndarray]
-
-    def has_matrices_of(self, other):
-        """Tell whether P, A and G are the very same objects."""
-        return self.P is other.P and self.A is other.A and self.G is other.G
 
     def can_be_renewed(self, qp, fixed):
         """Tell whether only vectors differ, but not what is fixed or infinite."""
@@ -186,9 +175,9 @@ def presolve(qp, eps_abs, eps_rel, last=None):
         G, G_groups = leading_rows(qp.G, kept, h < np.inf)
     tol = eps_abs if eps_abs > 0.0 else eps_rel
     ends, b_of, wrong = merged("A", A_groups, b, tol)
-    found = [Contradiction(text, y, np.zeros(h.size)) for text, y in wrong]
+    found = [(text, y, np.zeros(h.size)) for text, y in wrong]
     sides, side_of, wrong = merged("G", G_groups, h, tol)
-    found += [Contradiction(text, np.zeros(b.size), z) for text, z in wrong]
+    found += [(text, np.zeros(b.size), z) for text, z in wrong]
     # From this b the two extreme rows differ by as much.
     weight = np.abs(A_groups.ratio[b_of])
     share = weight[1] / weight.sum(0)

@@ -53,7 +53,9 @@ class ScaledQP:
         self.kkt: KKT
         self.scale: np.ndarray
         self.n, self.p = n, p
-        if last is not None and small.has_matrices_of(last.small):
+        if last is not None and all(
+            getattr(small, name) is getattr(last.small, name) for name in "PAG"
+        ):
             self.kkt, self.scale = last.kkt, last.scale
         else:
             old = None if last is None else last.kkt
