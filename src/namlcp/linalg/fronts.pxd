@@ -102,7 +102,6 @@ cdef void take_tasks(Fronts f, Watched watch, Desk *desk) noexcept nogil
 cdef void do_piece(Fronts f, Py_ssize_t p, Watched watch, Desk *desk) noexcept nogil
 cdef bint factor_front(Fronts f, Py_ssize_t s, Watched watch, Desk *desk) noexcept nogil
 cdef bint stops(Watched watch, Desk *desk, double operations) noexcept nogil
-cdef void open_panels(Fronts f, Py_ssize_t s) noexcept nogil
 cdef void assemble(Fronts f, Py_ssize_t s, Py_ssize_t side) noexcept nogil
 cdef void extend_add(Fronts f, Py_ssize_t c, Py_ssize_t side) noexcept nogil
 cdef bint eliminate(Fronts f, Front v, Watched watch, Desk *desk) noexcept nogil

@@ -337,28 +337,21 @@ def stops(watch, desk, operations):
 
 def factor_front(f, s, watch, desk):
     """Assemble and eliminate a supernode; False if a pivot is 0, or it is time."""
-    v = front_at(f, s)
+    t, v = address(f.t), front_at(f, s)
     if stops(watch, desk, v.k * v.f * v.f):
         return False
-    open_panels(f, s)
-    for side in range(f.sides):
-        assemble(f, s, side)
-    if not eliminate(f, v, watch, desk):
-        return False
-    for side in range(f.sides):
-        complement(f, s, side, watch, desk)
-    return True
-
-
-def open_panels(f, s):
-    """Set the panels of a supernode to the entries of K."""
-    t, v = address(f.t), front_at(f, s)
     begin, end = t.lower[v.first], t.lower[v.first + v.k]
     for side in range(f.sides):
         L, source = v.panels[side], f.sources[side]
         memset(L, 0, v.k * v.f * cython.sizeof(cython.double))
         for e in range(begin, end):
             L[t.target[e]] = f.data[source[e]]
+        assemble(f, s, side)
+    if not eliminate(f, v, watch, desk):
+        return False
+    for side in range(f.sides):
+        complement(f, s, side, watch, desk)
+    return True
 
 
 def assemble(f, s, side):

@@ -47,14 +47,13 @@ class Supernodes(NamedTuple):
     Supernode s has the columns first[s] : first[s + 1], its rows are rows[starts[s] :
     starts[s + 1]], ascending, its own columns first. Its block, row-major, is
     panels[s] : panels[s + 1] of the values, parent[s] the supernode of its first row
-    below the block, -1 if there is none. node (size,) tells the supernode of a column.
+    below the block, -1 if there is none.
     Column j of the matrix has the entries data[source[t]] in the rows below[t], for t
     in lower[j] : lower[j + 1], the diagonal included.
     """
 
     first: np.ndarray
     parent: np.ndarray
-    node: np.ndarray
     starts: np.ndarray
     rows: np.ndarray
     panels: np.ndarray
@@ -199,7 +198,7 @@ def supernodes(indptr, indices, order):
     above = order.parent[last]
     parent = np.where(above < 0, -1, node[above]).astype(np.int32)
     rows = row_patterns(columns, upper, starts, parent, node)
-    return Supernodes(first, parent, node, starts, rows, panels, lower, below, source)
+    return Supernodes(first, parent, starts, rows, panels, lower, below, source)
 
 
 def merged(parent, counts, lower, below):
