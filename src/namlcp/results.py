@@ -28,7 +28,7 @@ from namlcp.derivatives import (
 )
 from namlcp.lcp import LCP, Operator, Prepared, solve_small
 from namlcp.linalg import times
-from namlcp.linalg.stamp import stamp_of_arrays
+from namlcp.linalg.arrays import stamp_of_arrays
 from namlcp.measure import modulus_variable
 from namlcp.outcome import OBJECTIVE, Outcome, objective_of
 from namlcp.qp import (

@@ -10,10 +10,10 @@ from scipy.sparse.linalg import LinearOperator
 from namlcp.checks import finite_square_matrix
 from namlcp.lcp.loops import dominance_csr, read_rows
 from namlcp.lcp.operators import Operator
+from namlcp.linalg.arrays import stamp_of_arrays
 from namlcp.linalg.columns import Columns, columns_of
 from namlcp.linalg.csc import arrays_of
 from namlcp.linalg.definite import is_symmetric
-from namlcp.linalg.stamp import stamp_of_arrays
 
 # Sum of (A + A')_ij r_j, relative to its terms, that counts as 0 where a_ii = 0.
 DIAGONAL_ROUNDING = 1e-10

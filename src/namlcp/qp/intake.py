@@ -17,7 +17,7 @@ from cython.cimports.namlcp.linalg.arrays import are_places, data_of, fits
 from scipy.sparse import csc_array, csc_matrix
 
 from namlcp import checks
-from namlcp.linalg.stamp import stamp_of_arrays
+from namlcp.linalg.arrays import stamp_of_arrays
 from namlcp.qp.problem import QP, absent_parts, qp_arrays, repaired
 
 cnp.import_array()

@@ -18,7 +18,7 @@ import scipy.sparse as sp
 
 from namlcp.checks import real_array
 from namlcp.linalg import blas_threads
-from namlcp.linalg.stamp import stamps_of_items
+from namlcp.linalg.arrays import stamps_of_items
 from namlcp.options import Options
 from namlcp.outcome import OBJECTIVE, Outcome, objective_of
 from namlcp.qp.active import MOST_ORDER, OUTCOMES, attach
