@@ -103,7 +103,6 @@ cdef void do_piece(Fronts f, Py_ssize_t p, Watched watch, Desk *desk) noexcept n
 cdef bint factor_front(Fronts f, Py_ssize_t s, Watched watch, Desk *desk) noexcept nogil
 cdef bint stops(Watched watch, Desk *desk, double operations) noexcept nogil
 cdef void assemble(Fronts f, Py_ssize_t s, Py_ssize_t side) noexcept nogil
-cdef void extend_add(Fronts f, Py_ssize_t c, Py_ssize_t side) noexcept nogil
 cdef bint eliminate(Fronts f, Front v, Watched watch, Desk *desk) noexcept nogil
 cdef void solve_below(int m, int n, const double *U, const double *D, double *L, int ld) noexcept nogil
 cdef void complement(Fronts f, Py_ssize_t s, Py_ssize_t side, Watched watch, Desk *desk) noexcept nogil

@@ -355,30 +355,24 @@ def factor_front(f, s, watch, desk):
 
 
 def assemble(f, s, side):
-    """Add the updates of the children to the front."""
+    """Add the updates of the children, lower triangles, to the front."""
     v, c = front_at(f, s), f.t.child[s]
     U = v.update + side * v.u * v.u
     if c >= 0:
         for j in range(v.u):
             memset(U + j * (v.u + 1), 0, (v.u - j) * cython.sizeof(cython.double))
     while c >= 0:
-        extend_add(f, c, side)
+        child = front_at(f, c)
+        m, place = child.u, child.above
+        for j in range(m):
+            column, r = child.update + (side * m + j) * m, place[j]
+            if r < v.k:
+                to = v.panels[side] + r * v.f
+            else:
+                to = U + (r - v.k) * v.u - v.k
+            for i in range(j, m):
+                to[place[i]] += column[i]
         c = f.t.sibling[c]
-
-
-def extend_add(f, c, side):
-    """Add the update of c, a lower triangle, to the front of its parent."""
-    child, v = front_at(f, c), front_at(f, f.t.parent[c])
-    m, place = child.u, child.above
-    C, U = child.update + side * m * m, v.update + side * v.u * v.u
-    for j in range(m):
-        column, r = C + j * m, place[j]
-        if r < v.k:
-            to = v.panels[side] + r * v.f
-        else:
-            to = U + (r - v.k) * v.u - v.k
-        for i in range(j, m):
-            to[place[i]] += column[i]
 
 
 def eliminate(f, v, watch, desk):
