@@ -4,9 +4,7 @@ cdef struct Columns:
     const int *indices
     const double *data
 
-cpdef tuple select_part(const int[::1] indptr, const int[::1] indices, const double[::1] data, Py_ssize_t height, const Py_ssize_t[::1] rows, const Py_ssize_t[::1] columns)
 cdef Py_ssize_t write_squares(const Columns* parts, const double[::1] weight, int[::1] indptr, int[::1] indices, double[::1] data) except -2
-cpdef void scatter(const int[::1] indptr, const int[::1] indices, const double[::1] data, double[:, :] out)
 cpdef void add_columns(object arrays, object x, object out)
 cpdef void add_column_sums(object arrays, object z, object out)
 cpdef tuple unit_triangle(const int[::1] indptr, const int[::1] indices, const double[::1] data, double zero, double least, double slack)

@@ -10,7 +10,9 @@ from typing import NamedTuple
 
 import cython
 import numpy as np
+from cython import Py_ssize_t
 from cython.cimports.libc.math import fabs, sqrt
+from cython.cimports.namlcp.linalg.arrays import indices as longs
 from cython.cimports.namlcp.linalg.arrays import numbers, places
 from scipy.sparse import csr_array
 
@@ -33,15 +35,19 @@ class Compressed(NamedTuple):
 
 
 def arrays_of(M):
-    """Return the arrays of a matrix in CSC or CSR."""
     return Compressed(M.indptr, M.indices, M.data)
 
 
 def as_dense(C):
-    """Return a CSC matrix as a dense one."""
-    out = np.zeros(C.shape)
-    scatter(C.indptr, C.indices, C.data, out)
-    return out
+    M: Columns
+    n: Py_ssize_t = C.shape[1]
+    dense = np.zeros(C.shape)
+    out: cython.double[:, ::1] = dense
+    take_columns(C, n, cython.address(M))
+    for j in range(n):
+        for t in range(M.indptr[j], M.indptr[j + 1]):
+            out[M.indices[t], j] = M.data[t]
+    return dense
 
 
 def without_zeros(M):
@@ -56,9 +62,33 @@ def submatrix(M, rows, columns):
     """Return the rows and columns of M, given in rising order; M itself if all are."""
     if (rows.size, columns.size) == M.shape:
         return M
+    C: Columns
+    n: Py_ssize_t = M.shape[1]
+    count: Py_ssize_t = columns.size
+    take_columns(M, n, cython.address(C))
     rows, columns = (np.ascontiguousarray(v, np.intp) for v in (rows, columns))
-    parts = select_part(M.indptr, M.indices, M.data, M.shape[0], rows, columns)
-    return from_arrays(parts, (rows.size, columns.size))
+    row, column = longs(rows, rows.size), longs(columns, count)
+    number: cython.int[::1] = constant(M.shape[0], -1, np.int32)
+    for k in range(cython.cast(Py_ssize_t, rows.size)):
+        number[row[k]] = k
+    starts = np.zeros(count + 1, np.int32)
+    start: cython.int[::1] = starts
+    nnz: cython.int = 0
+    for k in range(count):
+        for t in range(C.indptr[column[k]], C.indptr[column[k] + 1]):
+            nnz += number[C.indices[t]] >= 0
+        start[k + 1] = nnz
+    indices, entries = np.empty(nnz, np.int32), np.empty(nnz)
+    place: cython.int[::1] = indices
+    value: cython.double[::1] = entries
+    nnz = 0
+    for k in range(count):
+        for t in range(C.indptr[column[k]], C.indptr[column[k] + 1]):
+            i = number[C.indices[t]]
+            if i >= 0:
+                place[nnz], value[nnz] = i, C.data[t]
+                nnz += 1
+    return from_arrays((starts, indices, entries), (rows.size, columns.size))
 
 
 def by_rows(M):
@@ -108,34 +138,6 @@ def is_clean_csc(M):
     return getattr(M, "format", "") == "csc" and has_clean_arrays(M)
 
 
-def select_part(indptr, indices, data, height, rows, columns):
-    """Return the CSC arrays of some rows and columns of a matrix of this height."""
-    count = columns.shape[0]
-    nnz: cython.Py_ssize_t = 0
-    number: cython.int[::1] = constant(height, -1, np.int32)
-    for k in range(rows.shape[0]):
-        number[rows[k]] = k
-    starts = np.zeros(count + 1, np.int32)
-    start: cython.int[::1] = starts
-    for k in range(count):
-        j = columns[k]
-        for t in range(indptr[j], indptr[j + 1]):
-            nnz += number[indices[t]] >= 0
-        start[k + 1] = nnz
-    places, entries = np.empty(nnz, np.int32), np.empty(nnz)
-    place: cython.int[::1] = places
-    value: cython.double[::1] = entries
-    nnz = 0
-    for k in range(count):
-        j = columns[k]
-        for t in range(indptr[j], indptr[j + 1]):
-            i = number[indices[t]]
-            if i >= 0:
-                place[nnz], value[nnz] = i, data[t]
-                nnz += 1
-    return starts, places, entries
-
-
 def add_squares(P, B, weight):
     """Return the arrays of P + B' diag(weight) B, all in CSC.
 
@@ -171,7 +173,7 @@ def write_squares(parts, weight, indptr, indices, data):
     n, capacity = indptr.shape[0] - 1, data.shape[0]
     sums: cython.double[::1] = np.zeros(n)
     seen: cython.int[::1] = constant(n, -1, np.int32)
-    nnz: cython.Py_ssize_t = 0
+    nnz: Py_ssize_t = 0
     for j in range(n):
         if nnz + n > capacity:
             return -1
@@ -201,17 +203,10 @@ def write_squares(parts, weight, indptr, indices, data):
     return nnz
 
 
-def scatter(indptr, indices, data, out):
-    """Write the entries of a CSC matrix into `out`, which is zero."""
-    for j in range(indptr.shape[0] - 1):
-        for t in range(indptr[j], indptr[j + 1]):
-            out[indices[t], j] = data[t]
-
-
 def add_columns(arrays, x, out):
     """Add M x to `out`; `arrays` are those of M, a `Compressed`."""
     M: Columns
-    n: cython.Py_ssize_t = x.size
+    n: Py_ssize_t = x.size
     take_columns(arrays, n, cython.address(M))
     columns_times(cython.address(M), n, numbers(x, n), numbers(out, out.size))
 
@@ -219,7 +214,7 @@ def add_columns(arrays, x, out):
 def add_column_sums(arrays, z, out):
     """Add M'z to `out`; `arrays` are those of M, a `Compressed`."""
     M: Columns
-    n: cython.Py_ssize_t = out.size
+    n: Py_ssize_t = out.size
     take_columns(arrays, n, cython.address(M))
     z_at, out_at = numbers(z, z.size), numbers(out, n)
     columns_times_transposed(cython.address(M), n, z_at, out_at)
@@ -259,7 +254,7 @@ def unit_triangle(indptr, indices, data, zero, least, slack):
     place: cython.int[::1] = places
     value: cython.double[::1] = entries
     sign: cython.int = 1
-    nnz: cython.Py_ssize_t = 0
+    nnz: Py_ssize_t = 0
     for j in range(n):
         if diagonal[j] < -tiny:
             return -1, j, j, None

@@ -86,7 +86,6 @@ def order_by_degree(indptr, indices, size, kind, place, watch):
 
 
 def mark_hubs(g, indptr, indices):
-    """Set the kind of hubs."""
     kind, degree = g.kind, g.degree
     for i in range(g.size):
         degree[i] = 0

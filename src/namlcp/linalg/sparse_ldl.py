@@ -230,9 +230,13 @@ def lay_out(f, indptr, parent, counts):
                 i = parent[i]
     begin: Py_ssize_t = 0
     while begin < n:
-        width[begin] = width_at(begin, parent, counts)
-        width[begin + width[begin] - 1] = width[begin]
-        begin += width[begin]
+        columns = 4  # that are alike
+        for i in range(begin, begin + 3):
+            if parent[i] != i + 1 or counts[i] != counts[i + 1] + 1:
+                columns = 1
+                break
+        width[begin] = width[begin + columns - 1] = columns
+        begin += columns
     f.first = first_dense(f)
 
 
@@ -259,14 +263,6 @@ def lay_out_lines(f):
             f.chunks[done[k]] = begin
             done[k] += 1
         begin += f.width[begin]
-
-
-def width_at(begin, parent, counts):
-    """Return 4 if so many columns from `begin` on are alike, else 1."""
-    for i in range(begin, begin + 3):
-        if parent[i] != i + 1 or counts[i] != counts[i + 1] + 1:
-            return 1
-    return 4
 
 
 def first_dense(f):

@@ -209,7 +209,6 @@ def regularise(m, old_mu):
 
 
 def lower(m, rho, delta):
-    """Divide rho, delta or both by ten."""
     if rho:
         m.rho = max(0.1 * m.rho, LOWEST)
     if delta:
@@ -217,7 +216,6 @@ def lower(m, rho, delta):
 
 
 def strengthen(m):
-    """Raise both after a bad solve."""
     m.rho = max(m.rho, min(10.0 * m.rho, TOP))
     m.delta = max(m.delta, min(10.0 * m.delta, TOP))
     m.wait = WAIT

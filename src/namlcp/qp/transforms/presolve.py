@@ -61,14 +61,6 @@ class Presolved(NamedTuple):
     G_groups: Groups
     fixed_by: tuple[np.ndarray, np.ndarray, np.ndarray]
 
-    def can_be_renewed(self, qp, fixed):
-        """Tell whether only vectors differ, but not what is fixed or infinite."""
-        return (
-            qp.has_matrices_of(self.qp)
-            and np.array_equal(fixed, self.fixed)
-            and np.array_equal(qp.h < np.inf, self.G_groups.number != UNWANTED)
-        )
-
     def primal(self, x):
         """Return the x of `qp` from that of the kept columns."""
         full = self.ray(x)
@@ -166,7 +158,11 @@ def presolve(qp, eps_abs, eps_rel, last=None):
         q = (q + times(qp.P, held))[kept]
         b, h = b - times(qp.A, held), h - times(qp.G, held)
         lb, ub = lb[kept], ub[kept]
-    if last is not None and last.can_be_renewed(qp, fixed):
+    if last is not None and (
+        qp.has_matrices_of(last.qp)
+        and np.array_equal(fixed, last.fixed)
+        and np.array_equal(qp.h < np.inf, last.G_groups.number != UNWANTED)
+    ):
         P, A, G = last.P, last.A, last.G
         A_groups, G_groups = last.A_groups, last.G_groups
     else:

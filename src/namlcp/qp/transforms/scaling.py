@@ -84,7 +84,6 @@ class ScaledQP:
         self.c = self.side / self.unit[self.place]
 
     def point(self, x, y, Z):
-        """Return the (x, y, z, z_box) of the presolved problem."""
         n, rows = self.n, self.small.sides.size
         z = np.zeros(rows + 2 * n)
         z[self.finite] = Z / self.unit[self.place]
@@ -93,13 +92,11 @@ class ScaledQP:
         return self.ray(x), y, z[:rows].reshape(2, -1), z_box
 
     def ray(self, d):
-        """Return the x, or a direction of it, of the presolved problem."""
         return d * self.unit[: self.n]
 
     primal = ray
 
     def certificate(self, y, Z):
-        """Return the (y, z) of the presolved problem."""
         return self.point(np.zeros(self.n), y, Z)[1:3]
 
     def guess(self, guess):

@@ -64,7 +64,6 @@ class Substitution(NamedTuple):
 
     @property
     def problem(self):
-        """The smaller QP."""
         user, kept = self.user, self.kept
         q = user.q[kept]
         slope = self.cost * user.b[self.by] / self.pivot + user.q[self.columns]
@@ -82,7 +81,6 @@ class Substitution(NamedTuple):
         )
 
     def point(self, x, y, z, z_box):
-        """Return the user's point."""
         user, x = self.user, self.primal(x)
         y, z = self.certificate(y, z)
         gradient = self.cost * x[self.columns] + user.q[self.columns]
@@ -92,7 +90,6 @@ class Substitution(NamedTuple):
         return Point(x, y, z, full)
 
     def primal(self, x):
-        """Return the user's x."""
         full = self.ray(x)
         full[self.columns] += self.user.b[self.by] / self.pivot
         return full
@@ -104,14 +101,12 @@ class Substitution(NamedTuple):
         return full, z
 
     def ray(self, d):
-        """Return the user's direction of x."""
         full = np.empty(self.user.q.size)
         full[self.kept] = d
         full[self.columns] = -times(self.rest, d) / self.pivot
         return full
 
     def guess(self, guess):
-        """Return a guess for the smaller QP."""
         if not guess.x.size:
             return guess
         m, n, kept = self.user.h.size, self.user.q.size, self.kept
