@@ -6,7 +6,6 @@ cdef enum:
     RAY_PROJECTIONS = 3
 
 cdef object find_proof(Interior m)
-cdef bint is_proof(Interior m, int k, tuple candidate) except -1
 cdef bint proves(Interior m, int k, tuple candidate) except -1
 cdef tuple products(Interior m, object x, object v)
 cdef list project_multipliers(Interior m, tuple candidate)

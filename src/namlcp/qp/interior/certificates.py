@@ -30,28 +30,27 @@ NEARLY_ACTIVE, VIOLATED = -1e-3, 1e-13
 
 
 def find_proof(m):
-    """Return the verdict of the first candidate that is a proof, which is kept."""
+    """Return the verdict of the first candidate that is a proof, which is kept.
+
+    Its projections are tried, too, where it improved since the last ones.
+    """
     n, p = m.n, m.p
     du, dZ = as_array(m.step.du, m.size).copy(), as_array(m.step.dZ, m.m)
     x, y, _, Z = m.point
     last = du[n : n + p], np.maximum(dZ, 0.0)
     for k, candidate in enumerate(((y, Z), last, (x,), (du[:n],))):
-        if m.ratios[k] < INFINITY and is_proof(m, k, candidate):
-            return Status.PRIMAL_INFEASIBLE if k < 2 else Status.DUAL_INFEASIBLE
+        if not m.ratios[k] < INFINITY:
+            continue
+        verdict = Status.PRIMAL_INFEASIBLE if k < 2 else Status.DUAL_INFEASIBLE
+        if proves(m, k, candidate):
+            return verdict
+        if m.ratios[k] <= AGAIN * m.tested[k]:
+            m.tested[k] = m.ratios[k]
+            project = project_multipliers if k < 2 else project_ray
+            for better in project(m, candidate):
+                if proves(m, k, better):
+                    return verdict
     return None
-
-
-def is_proof(m, k, candidate):
-    """Test candidate k, then its projections where it improved since the last."""
-    if proves(m, k, candidate):
-        return True
-    if m.ratios[k] <= AGAIN * m.tested[k]:
-        m.tested[k] = m.ratios[k]
-        project = project_multipliers if k < 2 else project_ray
-        for better in project(m, candidate):
-            if proves(m, k, better):
-                return True
-    return False
 
 
 def proves(m, k, candidate):
