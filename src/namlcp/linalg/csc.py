@@ -108,7 +108,22 @@ def with_squares(P, B, weight, deadline=NEVER):
             half = C[i : i + step].toarray() * np.sqrt(weight[i : i + step])[:, None]
             S += half.T @ half
         return as_sparse(S)
-    return from_arrays(add_squares(arrays_of(P), arrays_of(B), weight), P.shape)
+    turned = Compressed(*transposed(B.indptr, B.indices, B.data, rows))
+    parts: Columns[3]
+    take_columns(P, columns, cython.address(parts[0]))
+    take_columns(B, columns, cython.address(parts[1]))
+    take_columns(turned, rows, cython.address(parts[2]))
+    capacity = P.data.size + 4 * B.data.size + columns
+    while True:
+        starts, indices = np.zeros(columns + 1, np.int32), np.empty(capacity, np.int32)
+        entries = np.empty(capacity)
+        nnz = write_squares(parts, weight, starts, indices, entries)
+        if nnz >= 0:
+            break
+        capacity *= 2
+    # The matrix is symmetric (to rounding): its transpose is itself, but sorted.
+    sums = transposed(starts, indices[:nnz], entries[:nnz], columns)
+    return from_arrays(sums, P.shape)
 
 
 def times(M, x):
@@ -138,33 +153,11 @@ def is_clean_csc(M):
     return getattr(M, "format", "") == "csc" and has_clean_arrays(M)
 
 
-def add_squares(P, B, weight):
-    """Return the arrays of P + B' diag(weight) B, all in CSC.
+def write_squares(parts, weight, indptr, indices, data):
+    """Write P + B' diag(weight) B with columns that are not sorted.
 
     Column by column with a dense accumulator (Gustavson, ACM Trans. Math. Softw. 4
     (1978) 250-269), for which B is taken by rows as well.
-    """
-    n = B.indptr.size - 1
-    start_of, column_of, value_of = transposed(B.indptr, B.indices, B.data, weight.size)
-    parts: Columns[3]
-    rows = Compressed(start_of, column_of, value_of)
-    take_columns(P, n, cython.address(parts[0]))
-    take_columns(B, n, cython.address(parts[1]))
-    take_columns(rows, weight.size, cython.address(parts[2]))
-    capacity = P.data.size + 4 * B.data.size + n
-    while True:
-        starts, places = np.zeros(n + 1, np.int32), np.empty(capacity, np.int32)
-        entries = np.empty(capacity)
-        nnz = write_squares(parts, weight, starts, places, entries)
-        if nnz >= 0:
-            break
-        capacity *= 2
-    # The matrix is symmetric (to rounding): its transpose is itself, but sorted.
-    return transposed(starts, places[:nnz], entries[:nnz], n)
-
-
-def write_squares(parts, weight, indptr, indices, data):
-    """Write P + B' diag(weight) B with columns that are not sorted.
 
     parts: P and B by columns, B by rows. Returns the number of entries, -1 if there is
     no room for them.

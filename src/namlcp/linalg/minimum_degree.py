@@ -86,6 +86,7 @@ def order_by_degree(indptr, indices, size, kind, place, watch):
 
 
 def mark_hubs(g, indptr, indices):
+    """Set the kinds, and `degree` to the number of all neighbours."""
     kind, degree = g.kind, g.degree
     for i in range(g.size):
         degree[i] = 0
@@ -145,8 +146,8 @@ def count_neighbours(g, indptr, indices):
     kind, degree, hubs = g.kind, g.degree, g.hubs
     variables: Py_ssize_t = 0
     for i in range(g.size):
+        hubs[i] = degree[i]  # all neighbours, for now
         degree[i] = 0
-        hubs[i] = 0
         g.length[i] = 0
         g.elements[i] = 0
         g.weight[i] = 1
@@ -159,17 +160,12 @@ def count_neighbours(g, indptr, indices):
     for j in range(g.size):
         for t in range(indptr[j], indptr[j + 1]):
             i = indices[t]
-            if i >= j:
-                continue
-            if kind[i] == VARIABLE and kind[j] == VARIABLE:
+            if i < j and kind[i] == VARIABLE and kind[j] == VARIABLE:
                 degree[i] += 1
                 degree[j] += 1
-            elif kind[i] == BESIDE:
-                hubs[j] += 1
-            else:
-                hubs[i] += 1
     g.end = 0
     for i in range(g.size):
+        hubs[i] -= degree[i]
         g.start[i] = g.end
         g.end += degree[i]
         if kind[i] == VARIABLE:

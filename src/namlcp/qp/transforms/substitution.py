@@ -71,15 +71,6 @@ class Substitution(NamedTuple):
         b, lb, ub = user.b[self.others], user.lb[kept], user.ub[kept]
         return QP(self.P, q, self.G, user.h, self.A, b, lb, ub)
 
-    def fits(self, qp):
-        """Tell whether the QP has the same matrices and the same infinite bounds."""
-        user = self.user
-        return (
-            qp.has_matrices_of(user)
-            and np.array_equal(np.isinf(qp.lb), np.isinf(user.lb))
-            and np.array_equal(np.isinf(qp.ub), np.isinf(user.ub))
-        )
-
     def point(self, x, y, z, z_box):
         user, x = self.user, self.primal(x)
         y, z = self.certificate(y, z)
@@ -123,7 +114,11 @@ def substitute(qp, last=None, deadline=NEVER):
     None, too, if lb > ub. The matrices of `last` are reused if qp has the same matrices
     and the same infinite bounds. Raises OutOfTime.
     """
-    if last is not None and last.fits(qp):
+    if last is not None and (
+        qp.has_matrices_of(last.user)
+        and np.array_equal(np.isinf(qp.lb), np.isinf(last.user.lb))
+        and np.array_equal(np.isinf(qp.ub), np.isinf(last.user.ub))
+    ):
         return last._replace(user=qp)
     deadline.check(PASS * qp.A.data.size)
     n, m, p = qp.q.size, qp.h.size, qp.b.size
