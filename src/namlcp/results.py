@@ -36,7 +36,6 @@ from namlcp.qp import (
     STATUSES,
     Items,
     Nearest,
-    Outcomes,
     Point,
     qp_arrays,
     stamp_of,
@@ -593,7 +592,7 @@ class ClosestPoint(Differentiable, Single):
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class BatchResult(Differentiable, Shown, Outcomes):
+class BatchResult(Differentiable, Shown):
     """Result of `solve_batch` for N items; ``batch[i]`` is the `QPResult` of item i.
 
     Attributes
@@ -629,6 +628,16 @@ class BatchResult(Differentiable, Shown, Outcomes):
     array([1.])
     """
 
+    codes: np.ndarray
+    x: np.ndarray
+    y: np.ndarray
+    z: np.ndarray
+    z_box: np.ndarray
+    obj: np.ndarray
+    residuals: np.ndarray
+    iterations: np.ndarray
+    form: np.ndarray
+    messages: dict[int, str]
     closest: dict[int, ClosestPoint]
     solve_time: float = 0.0
     problem: Any = field(default=None, repr=False)
@@ -775,8 +784,8 @@ def closest_point(
     )
 
 
-def batch_result(outcomes: Outcomes, items: Items, seconds: float) -> BatchResult:
-    """Return the outcomes of the items of a batch."""
+def batch_result(outcomes: Any, items: Items, seconds: float) -> BatchResult:
+    """Return the outcomes of the items of a batch, as `solve_items` has them."""
     closest = {
         i: closest_point(found, items.item(i)) for i, found in outcomes.closest.items()
     }

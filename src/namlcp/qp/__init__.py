@@ -14,7 +14,6 @@ from namlcp.qp.sequences import (
     STATUSES,
     Items,
     OtherShape,
-    Outcomes,
     QPSequence,
     available_cores,
     on_threads,

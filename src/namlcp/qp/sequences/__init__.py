@@ -3,7 +3,6 @@
 from namlcp.qp.sequences.batch import (
     STATUSES,
     Items,
-    Outcomes,
     available_cores,
     on_threads,
     solve_items,

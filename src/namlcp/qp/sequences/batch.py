@@ -7,10 +7,11 @@ answer does not depend on the others, nor on the number of threads.
 import ctypes
 import os
 import time
+from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
-from dataclasses import dataclass
-from threading import Event, Lock, get_ident
+from threading import get_ident
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -29,7 +30,7 @@ from namlcp.qp.convexity import check_convex
 from namlcp.qp.guess import make_guess
 from namlcp.qp.intake import qp_data, stamp_of
 from namlcp.qp.memory import Memory
-from namlcp.qp.problem import QP
+from namlcp.qp.problem import QP, Point
 from namlcp.qp.solve import solve_checked
 from namlcp.residuals import UNDEFINED, Residuals
 from namlcp.status import Status
@@ -46,53 +47,31 @@ MOST_WORK = 1e8
 LOOK = 0.1
 
 
-@dataclass(frozen=True, eq=False)
-class Outcomes:
-    """How the items of a batch ended, as `BatchResult` has it.
+def unanswered(size: int, qp: QP) -> SimpleNamespace:
+    """Return the fields of `BatchResult` for QPs of these sizes, still to be written.
 
     closest: the `Nearest` of infeasible items, or its `ClosestPoint`.
     """
+    n, p, m = qp.q.size, qp.b.size, qp.h.size
+    x, y, z, z_box = (np.empty((size, k)) for k in (n, p, m, n))
+    kinds = np.int8, float, [(k, float) for k in Residuals._fields], np.int64, "U12"
+    codes, obj, residuals, iterations, form = (np.empty(size, kind) for kind in kinds)
+    return SimpleNamespace(
+        codes=codes, x=x, y=y, z=z, z_box=z_box, obj=obj, residuals=residuals,
+        iterations=iterations, form=form, messages={}, closest={},
+    )  # fmt: skip
 
-    codes: np.ndarray
-    x: np.ndarray
-    y: np.ndarray
-    z: np.ndarray
-    z_box: np.ndarray
-    obj: np.ndarray
-    residuals: np.ndarray
-    iterations: np.ndarray
-    form: np.ndarray
-    messages: dict[int, str]
-    closest: dict[int, Any]
 
-    @classmethod
-    def empty(cls, size: int, qp: QP) -> "Outcomes":
-        """Return those of `size` items with the sizes of `qp`, still to be written."""
-        n, p, m = qp.q.size, qp.b.size, qp.h.size
-        x, y, z, z_box = (np.empty((size, k)) for k in (n, p, m, n))
-        kinds = np.int8, float, [(k, float) for k in Residuals._fields], np.int64, "U12"
-        codes, obj, residuals, counts, form = (np.empty(size, kind) for kind in kinds)
-        return cls(codes, x, y, z, z_box, obj, residuals, counts, form, {}, {})
-
-    def put(self, i: int, answer: Outcome) -> None:
-        """Write the answer to item i."""
-        self.codes[i] = STATUSES.index(answer.status)
-        self.x[i], self.y[i], self.z[i], self.z_box[i] = answer.point
-        self.obj[i] = objective_of(answer)
-        self.residuals[i] = answer.residuals
-        self.iterations[i], self.form[i] = answer.iterations, answer.method
-        if answer.message:
-            self.messages[i] = answer.message
-        if answer.closest is not None:
-            self.closest[i] = answer.closest
-
-    def refuse(self, i: int, error: Exception) -> None:
-        """Write that item i could not be solved."""
-        self.codes[i] = STATUSES.index(Status.INVALID)
-        for array in (self.x, self.y, self.z, self.z_box, self.obj):
-            array[i] = np.nan
-        self.residuals[i], self.iterations[i], self.form[i] = UNDEFINED, 0, ""
-        self.messages[i] = str(error) or repr(error)
+def put(found: SimpleNamespace, i: int, answer: Outcome) -> None:
+    """Write the answer to item i."""
+    found.codes[i] = STATUSES.index(answer.status)
+    found.x[i], found.y[i], found.z[i], found.z_box[i] = answer.point
+    found.obj[i], found.residuals[i] = objective_of(answer), answer.residuals
+    found.iterations[i], found.form[i] = answer.iterations, answer.method
+    if answer.message:
+        found.messages[i] = answer.message
+    if answer.closest is not None:
+        found.closest[i] = answer.closest
 
 
 def as_vectors(name: str, value: Any, other: str, matrix: Any) -> np.ndarray:
@@ -144,28 +123,19 @@ class Items:
                 self.stacked[name] = array
                 array = np.zeros(array.shape[1])
             one[name] = array
-        self.size = self.common_size()
+        sizes = {name: len(array) for name, array in self.stacked.items()}
+        first, self.size = next(iter(sizes.items()), ("", 1))
+        for name, size in sizes.items():
+            if size != self.size:
+                raise ValueError(
+                    f"{name} must have {self.size} items to match {first}, got {size}"
+                )
         self.given = tuple(one[name] for name in MATRICES)
         self.shared = qp_data(**one)
-        self.has_shared_matrices = self.stacked.keys().isdisjoint(MATRICES)
         self.stamps = stamps_of_items(tuple(self.stacked.values()), self.size)
         self.shared_stamp = stamp_of(self.shared)
         if "P" not in self.stacked:
             check_convex(self.shared.P)
-
-    def common_size(self) -> int:
-        """Return the number of items, 1 if no argument is stacked.
-
-        Raises unless all stacked arguments have it.
-        """
-        sizes = {name: len(array) for name, array in self.stacked.items()}
-        name, size = next(iter(sizes.items()), ("", 1))
-        for other, its in sizes.items():
-            if its != size:
-                raise ValueError(
-                    f"{other} must have {size} items to match {name}, got {its}"
-                )
-        return size
 
     def are_unchanged(self, items: slice) -> bool:
         """Tell whether the numbers of these items are as they were at the beginning."""
@@ -181,38 +151,38 @@ class Items:
         pairs = zip(MATRICES, self.given, strict=True)
         return qp, tuple(parts.get(name, M) for name, M in pairs)
 
-    def solve(self, i: int, options: Options, warm_start: Any) -> Outcome:
-        """Solve item i; raise if it is malformed or not convex."""
-        start = time.perf_counter()
-        qp, given = self.item(i)
-        # The memory is of this item alone: no other has a part in it.
-        memory = Memory.of(qp) if self.has_shared_matrices else None
-        guess = make_guess(qp, None, warm_start)
-        return solve_checked(qp, options, guess, start, memory=memory, given=given)
-
 
 def solve_items(
     items: Items, starts: Sequence[Any] | None, options: Options, threads: int
-) -> Outcomes:
-    """Solve all items on threads; `starts`: the warm start of each, if there are."""
-    outcomes = Outcomes.empty(items.size, items.shared)
+) -> SimpleNamespace:
+    """Solve all items on threads; `starts`: the warm start of each, if there are.
+
+    Returns the fields of `BatchResult`.
+    """
+    found = unanswered(items.size, items.shared)
 
     def solve_one(i: int) -> None:
+        start = time.perf_counter()
         try:
-            start = None if starts is None else starts[i]
-            outcomes.put(i, items.solve(i, options, start))
+            qp, given = items.item(i)
+            guess = make_guess(qp, None, None if starts is None else starts[i])
+            # Of this item alone: no other has a part in it.
+            memory = None if "P" in items.stacked else Memory.of(qp)
+            answer = solve_checked(qp, options, guess, start, None, memory, given)
         except Exception as error:  # of any kind: it is the result of this item
-            outcomes.refuse(i, error)
+            nothing, message = Point(*[np.nan] * 4), str(error) or repr(error)
+            answer = Outcome(Status.INVALID, nothing, UNDEFINED, 0, "", message)
+        put(found, i, answer)
 
     left = np.arange(items.size)
     if starts is None and options.time_limit == np.inf:
-        left = solve_stack(items, outcomes, options, threads)
+        left = solve_stack(items, found, options, threads)
     on_threads(lambda k: solve_one(left[k]), left.size, threads)
-    return outcomes
+    return found
 
 
 def solve_stack(
-    items: Items, outcomes: Outcomes, options: Options, threads: int
+    items: Items, found: SimpleNamespace, options: Options, threads: int
 ) -> np.ndarray:
     """Solve small dense items in compiled loops; return the items that are left."""
     qp, size = items.shared, items.size
@@ -224,8 +194,8 @@ def solve_stack(
     )
     stacked = tuple(name in items.stacked for name in QP._fields)
     codes = np.empty(size, np.int64)
-    numbers = outcomes.residuals.view(float)
-    outs = outcomes.x, outcomes.y, outcomes.z, outcomes.z_box, numbers
+    numbers = found.residuals.view(float)
+    outs = found.x, found.y, found.z, found.z_box, numbers
     firsts = [M[0] if M.ndim > 2 else M for M in arrays[:6:2]]
     work = 4.0 * qp.q.size * (qp.q.size + qp.h.size) * (qp.q.size + order)
     length = min(
@@ -243,20 +213,20 @@ def solve_stack(
         end = min(starts[k] + length, size)
         solve_dense_items(
             space, arrays, stacked, starts[k], end, options.settings, outs, codes,
-            outcomes.iterations,
+            found.iterations,
         )  # fmt: skip
         spaces.append(space)
 
     with blas_threads(1, order):
         on_threads(solve_chunk, len(starts), threads)
-    outcomes.obj[:] = outcomes.residuals["objective"]
-    outcomes.form[:], left = "dual", np.full(size, True)
+    found.obj[:] = found.residuals["objective"]
+    found.form[:], left = "dual", np.full(size, True)
     for code, status in OUTCOMES.items():
-        found = codes == code
-        outcomes.codes[found] = STATUSES.index(status)
+        ended = codes == code
+        found.codes[ended] = STATUSES.index(status)
         if status in OBJECTIVE:
-            outcomes.obj[found] = OBJECTIVE[status]
-        left &= ~found
+            found.obj[ended] = OBJECTIVE[status]
+        left &= ~ended
     if options.relaxation:
         left |= codes == Code.CONTRADICTION
     return np.flatnonzero(left)
@@ -268,20 +238,19 @@ def on_threads(work: Callable[[int], None], size: int, threads: int) -> None:
         for i in range(size):
             work(i)
         return
-    left, lock, stop = iter(range(size)), Lock(), Event()
-    running: set[int] = set()
-
-    def taken() -> int | None:
-        with lock:
-            return next(left, None)
+    left, running = deque(range(size)), set[int]()
 
     def work_on() -> None:
         running.add(get_ident())
         try:
-            while not stop.is_set() and (i := taken()) is not None:
+            while True:
+                try:
+                    i = left.popleft()
+                except IndexError:
+                    return
                 work(i)
         finally:
-            stop.set()  # after an error; else nothing is left
+            left.clear()  # after an error
             running.discard(get_ident())
 
     with ThreadPoolExecutor(threads) as pool:
@@ -290,18 +259,14 @@ def on_threads(work: Callable[[int], None], size: int, threads: int) -> None:
             while wait(tasks, LOOK).not_done:
                 pass
         except BaseException:
-            stop.set()
-            for thread in running.copy():
-                interrupt(thread)
+            left.clear()
+            for thread in running.copy():  # as Ctrl-C does in the main one
+                ctypes.pythonapi.PyThreadState_SetAsyncExc(
+                    ctypes.c_ulong(thread), ctypes.py_object(KeyboardInterrupt)
+                )
             raise
     for task in tasks:
         task.result()
-
-
-def interrupt(thread: int) -> None:
-    """Raise KeyboardInterrupt in a thread, as Ctrl-C does in the main one."""
-    error = ctypes.py_object(KeyboardInterrupt)
-    ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread), error)
 
 
 def available_cores() -> int:
