@@ -28,14 +28,12 @@ def solve_checked(
     progress: Progress | None = None,
     memory: Memory | None = None,
     given: tuple[Any, Any, Any] | None = None,
-    known: Outcome | None = None,
 ) -> Outcome:
     """Solve a checked QP; `start` is the perf_counter() of the call.
 
     `progress` takes the rows; where they are printed, it is made here if it is None.
     `memory` may be kept for the next problem of the same pattern; it is changed.
     `given`: P, G and A as the user stores them, in whose order sums are judged.
-    `known`: the answer, if the closest point is left to find.
     """
     if progress is None and options.verbose:
         progress = Progress(QP_COLUMNS, True)
@@ -49,7 +47,7 @@ def solve_checked(
     order = qp.q.size + qp.h.size + qp.b.size
     threads = blas_threads(options.threads, order, qp.is_dense)
     with threads, np.errstate(all="ignore"):
-        answer = known or route(qp, guess, limits, memory, given)
+        answer = route(qp, guess, limits, memory, given)
         stage = None
         if answer.status is Status.STALLED:
             answer, stage = disproved(qp, answer, limits)

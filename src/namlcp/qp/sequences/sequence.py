@@ -216,9 +216,7 @@ class QPSequence:
         if answer is None or not answer.ends:
             return None
         if options.relaxation and answer.status is Status.PRIMAL_INFEASIBLE:
-            return solve_checked(
-                qp, options, NO_GUESS, start, given=self.given, known=answer
-            )
+            return None  # the general solve finds the closest point
         self.is_current = answer.status is SOLVED
         return answer
 
