@@ -18,7 +18,7 @@ import numpy as np
 from cython import Py_ssize_t
 from cython.cimports.libc.math import INFINITY, cos, fabs, sqrt
 from cython.cimports.namlcp.linalg.arrays import data_of, numbers, places
-from cython.cimports.namlcp.linalg.csc import take_columns
+from cython.cimports.namlcp.linalg.csc import columns_times_transposed, take_columns
 from cython.cimports.namlcp.linalg.sparse_ldl import SparseFactors
 from cython.cimports.namlcp.linalg.vectors import add_scaled, copy, fill, largest_entry
 from cython.cimports.namlcp.qp.active.engine import (
@@ -213,7 +213,8 @@ def solve_base(m, rhs, values, passes):
         subtract_product(m, u, m.rest)
         m.factors.solve_into(m.rest, m.rest)
         add_scaled(1.0, m.rest, u, m.size)
-    times_rows(cython.address(m.G), m.m, u, values)
+    fill(values, 0.0, m.m)
+    columns_times_transposed(cython.address(m.G), m.m, u, values)
 
 
 def subtract_product(m, u, r):
@@ -230,18 +231,8 @@ def subtract_product(m, u, r):
         r[j] = total
 
 
-def times_rows(M, count, x, Mx):
-    """Set Mx = M x for the rows of M."""
-    indptr, indices, data = M.indptr, M.indices, M.data
-    for i in range(count):
-        total = 0.0
-        for t in range(indptr[i], indptr[i + 1]):
-            total += data[t] * x[indices[t]]
-        Mx[i] = total
-
-
 def times_both(M, count, n, x, Mx, y, Mty):
-    """Set Mx = M x and Mty = M'y."""
+    """Set Mx = M x and Mty = M'y, for the rows of M."""
     indptr, indices, data = M.indptr, M.indices, M.data
     fill(Mty, 0.0, n)
     for i in range(count):
