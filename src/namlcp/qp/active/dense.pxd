@@ -37,7 +37,6 @@ cdef void invert_factor(DenseActiveSet m) noexcept nogil
 cdef void set_curvature(DenseActiveSet m) noexcept nogil
 cdef void set_unit_load(DenseActiveSet m, Py_ssize_t row, double* rhs) noexcept nogil
 cdef void prepare(DenseActiveSet m) noexcept nogil
-cdef void make_all(DenseActiveSet m, const Py_ssize_t* rows, Py_ssize_t k, double* space) noexcept nogil
 cdef Code solve_anew(DenseActiveSet m, double wanted) noexcept nogil
 cdef Code solve_dense(DenseActiveSet m) noexcept nogil
 cdef Code sum_anew(DenseActiveSet m) noexcept nogil

@@ -60,12 +60,12 @@ from cython.cimports.namlcp.qp.active.engine import (
     forget_responses,
     lay_out_rows,
     reals,
+    set_base_values,
 )
 from cython.cimports.namlcp.qp.active.judgement import (
     are_within,
     is_faulty,
     measure_point,
-    set_base_values,
     set_terms,
 )
 from cython.cimports.namlcp.qp.active.proximal import (
@@ -342,23 +342,17 @@ def prepare(m):
     They mostly enter sooner or later. One by one their responses would be limited by
     the speed of memory.
     """
-    if m.p > 0 or m.m > MOST_ROWS * m.n:
+    n, k, rows = m.n, cython.cast(Py_ssize_t, 0), m.active
+    if m.p > 0 or m.m > MOST_ROWS * n:
         return
-    k: Py_ssize_t = 0
     set_base_values(m)
     for i in range(m.m):
         if m.s0[i] > m.h[i] and k < m.most:
-            m.active[k] = i
+            rows[k] = i
             k += 1
-    space = cython.cast(cython.p_double, malloc(8 * k * (2 * m.n + m.m) + 8))
-    if space != cython.NULL:  # else they are made one by one
-        make_all(m, m.active, k, space)
-        free(space)
-
-
-def make_all(m, rows, k, space):
-    """Make the responses to k rows of G; space: for k (2 n + m) numbers."""
-    n = m.n
+    space = cython.cast(cython.p_double, malloc(8 * k * (2 * n + m.m) + 8))
+    if space == cython.NULL:  # they are made one by one
+        return
     C, H, W = space, space + k * n, space + 2 * k * n
     for i in range(k):
         copy(m.G + rows[i] * n, C + i * n, n)
@@ -369,6 +363,7 @@ def make_all(m, rows, k, space):
         values = claim_place(m, rows[i])
         copy(W + i * m.m, values, m.m)
         copy(C + i * n, values + m.m, n)
+    free(space)
 
 
 # ---- a whole solve

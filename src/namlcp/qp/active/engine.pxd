@@ -132,12 +132,13 @@ cdef class ActiveSet(Watched):
     cdef void set_products(self, bint is_base) noexcept nogil
     cdef void set_row_products(self) noexcept nogil
     cdef void times_cost(self, const double* x, double* Px) noexcept nogil
-    cdef double step_work(self) noexcept nogil
+    cdef bint begin(self) noexcept nogil
     cdef double project(self, Py_ssize_t row) noexcept nogil
     cdef bint append(self, Py_ssize_t row, Py_ssize_t side, double multiplier, double rest) noexcept nogil
     cdef bint remove(self, Py_ssize_t i) noexcept nogil
     cdef void set_multipliers(self) noexcept nogil
     cdef void set_point_values(self) noexcept nogil
+    cdef bint finish(self) noexcept nogil
 
 
 cdef double* reals(ActiveSet m, Py_ssize_t count) noexcept nogil
@@ -158,9 +159,8 @@ cdef bint is_independent(ActiveSet m, Py_ssize_t row, double rest, double limit)
 cdef Py_ssize_t most_independent(ActiveSet m) noexcept nogil
 cdef void insert_place(ActiveSet m, Py_ssize_t at, Py_ssize_t row, Py_ssize_t side, double multiplier) noexcept nogil
 cdef void remove_place(ActiveSet m, Py_ssize_t i) noexcept nogil
-cdef void recall(ActiveSet m) noexcept nogil
+cdef void set_base_values(ActiveSet m) noexcept nogil
 cdef void keep(ActiveSet m) noexcept nogil
-cdef void admit_hints(ActiveSet m) noexcept nogil
 cdef bint drop_wrong_signs(ActiveSet m) noexcept nogil
 cdef double size_of(ActiveSet m, const double* values) noexcept nogil
 cdef void choose_entering(ActiveSet m) noexcept nogil
@@ -171,4 +171,3 @@ cdef Code pivot(ActiveSet m) noexcept nogil
 cdef void set_contradiction(ActiveSet m) noexcept nogil
 cdef void sort_active(ActiveSet m) noexcept nogil
 cdef bint factor_active(ActiveSet m) noexcept nogil
-cdef bint finish(ActiveSet m) noexcept nogil

@@ -97,9 +97,33 @@ class ActiveSet(Watched):
     def times_cost(self, x, Px):
         """Set Px = P x."""
 
-    def step_work(self):
-        """Return the operations of a step."""
-        return (self.k + 2) * (self.length + self.k)
+    def begin(self):
+        """Set the base solution, and make the rows of the last solved QP active.
+
+        These less lost sides, and those of a hint, the first m.hints kept, that are
+        independent. False if the factors do not allow it.
+        """
+        set_base_values(self)
+        for i in range(self.k):
+            self.side[self.active[i]] = 0
+        self.k, self.changed, self.operations = self.kept_k, False, 0.0
+        self.age = self.kept_age if self.k > 0 else 0
+        for i in range(self.k):
+            self.active[i] = self.kept_active[i]
+            self.side[self.active[i]] = self.kept_side[i]
+        copy(self.kept_triangle, self.triangle, self.k * (self.k + 1) // 2)
+        for i in range(self.k - 1, -1, -1):
+            row = self.active[i]
+            if isinf(goal_of(self, row, self.side[row])):
+                self.remove(i)
+        for i in range(self.hints):
+            row, side = self.kept_active[i], self.kept_side[i]
+            is_new: cython.bint = self.side[row] == 0 and self.k < self.most
+            if is_new and not isinf(goal_of(self, row, side)):
+                rest = rest_of(self, row)
+                if is_independent(self, row, rest, DEPENDENT_HINT):
+                    self.append(row, side, 0.0, rest)
+        return True
 
     def project(self, row):
         """Set the changes of the values and multipliers for the multiplier of a row.
@@ -137,6 +161,24 @@ class ActiveSet(Watched):
             row = self.active[i]
             self.multiplier[i] = self.s0[row] - goal_of(self, row, self.side[row])
         solve_active(self, self.multiplier)
+
+    def finish(self):
+        """Step 3: mu and s as functions of the active rows alone; False if these fail.
+
+        Where no row has entered or left, step 1 has computed just that. A single solve
+        goes without, as there is no other that its answer could differ from; so does
+        one with many active rows, up to MOST_AGE times, with mu and s of the L at hand.
+        """
+        if self.changed and not self.is_single:
+            if self.k <= MOST_SORTED or self.age > MOST_AGE:
+                sort_active(self)
+                if not factor_active(self):
+                    return False
+                self.age = 0
+            self.set_multipliers()
+            self.set_point_values()
+        self.changed = False
+        return True
 
     def set_point_values(self):
         """Set s = s0 - sum mu_i w_i."""
@@ -342,19 +384,16 @@ def remove_place(m, i):
 # ---- step 1
 
 
-def recall(m):
-    """Make the rows active that were so in the last solved QP, less lost sides."""
-    for i in range(m.k):
-        m.side[m.active[i]] = 0
-    m.k, m.changed, m.operations = m.kept_k, False, 0.0
-    m.age = m.kept_age if m.k > 0 else 0
-    for i in range(m.k):
-        m.active[i] = m.kept_active[i]
-        m.side[m.active[i]] = m.kept_side[i]
-    copy(m.kept_triangle, m.triangle, m.k * (m.k + 1) // 2)
-    for i in range(m.k - 1, -1, -1):
-        if isinf(goal_of(m, m.active[i], m.side[m.active[i]])):
-            m.remove(i)
+def set_base_values(m):
+    """Set s0, the base solution, with the proximal term of the centre if there is W."""
+    for j in range(m.n):
+        m.rhs[j] = -m.q[j]
+    if m.rho != 0.0:
+        for j in range(m.n):
+            m.rhs[j] += m.weight[j] * m.centre[j]
+    copy(m.b, m.rhs + m.n, m.p)
+    m.set_values(m.rhs, m.s0)
+    m.base_size = size_of(m, m.s0)
 
 
 def keep(m):
@@ -363,17 +402,6 @@ def keep(m):
         m.kept_active[i], m.kept_side[i] = m.active[i], m.side[m.active[i]]
     m.kept_k, m.kept_age, m.hints = m.k, m.age, 0
     m.triangle, m.kept_triangle = m.kept_triangle, m.triangle
-
-
-def admit_hints(m):
-    """Append those rows of the hint, the first m.hints kept, that are independent."""
-    for i in range(m.hints):
-        row, side = m.kept_active[i], m.kept_side[i]
-        is_new: cython.bint = m.side[row] == 0 and m.k < m.most
-        if is_new and not isinf(goal_of(m, row, side)):
-            rest = rest_of(m, row)
-            if is_independent(m, row, rest, DEPENDENT_HINT):
-                m.append(row, side, 0.0, rest)
 
 
 def drop_wrong_signs(m):
@@ -501,7 +529,7 @@ def pivot(m):
     while True:
         if m.entering < 0 and not has_next(m):
             return DONE if m.entering < 0 else STUCK
-        operations = m.step_work()
+        operations = (m.k + 2) * (m.length + m.k)
         if is_over(m, operations):
             return LATE
         m.operations += operations
@@ -561,22 +589,3 @@ def factor_active(m):
         m.k += 1
     m.k = count
     return fine
-
-
-def finish(m):
-    """Step 3: mu and s as functions of the active rows alone; False if these fail.
-
-    Where no row has entered or left, step 1 has computed just that. A single solve goes
-    without, as there is no other that its answer could differ from; so does one with
-    many active rows, up to MOST_AGE times, with mu and s of the L at hand.
-    """
-    if m.changed and not m.is_single:
-        if m.k <= MOST_SORTED or m.age > MOST_AGE:
-            sort_active(m)
-            if not factor_active(m):
-                return False
-            m.age = 0
-        m.set_multipliers()
-        m.set_point_values()
-    m.changed = False
-    return True

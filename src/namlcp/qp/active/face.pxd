@@ -21,7 +21,6 @@ cdef enum End:
 
 cdef End descend(ActiveSet m) noexcept nogil
 cdef double take_face(ActiveSet m) noexcept nogil
-cdef double slope_error(ActiveSet m) noexcept nogil
 cdef bint is_rounding(ActiveSet m) noexcept nogil
 cdef double add_weighted(ActiveSet m, const double* v, double sum) noexcept nogil
 cdef double set_direction(ActiveSet m, double before) noexcept nogil

@@ -56,8 +56,11 @@ def descend(m):
     idle: Py_ssize_t = 0
     energy, best = 0.0, INFINITY
     for turn in range(PASSES + 1):
-        away = take_face(m)
-        error = max(slope_error(m), away)
+        away, n = take_face(m), m.n
+        cost = max(largest_entry(m.Px, n), largest_entry(m.q, n))
+        rows = max(largest_entry(m.Gtz, n), largest_entry(m.Aty, n))
+        slope = largest_entry(m.rhs, n) / max(max(cost, rows), LEAST_DIVISOR)
+        error = max(slope, away)
         idle = 0 if error < 0.5 * best else idle + 1
         best = min(best, error)
         if error <= EXACT or turn == PASSES or (idle >= IDLE and best <= GOOD):
@@ -98,14 +101,6 @@ def take_face(m):
             m.z_box[j] = m.multiplier[i]
     set_correction(m)
     return max(away, largest_entry(m.rhs + m.n, m.p)) / max(size, LEAST_DIVISOR)
-
-
-def slope_error(m):
-    """Return the largest residual of the gradient on the face over its terms."""
-    n = m.n
-    cost = max(largest_entry(m.Px, n), largest_entry(m.q, n))
-    rows = max(largest_entry(m.Gtz, n), largest_entry(m.Aty, n))
-    return largest_entry(m.rhs, n) / max(max(cost, rows), LEAST_DIVISOR)
 
 
 def is_rounding(m):

@@ -12,7 +12,6 @@ cdef void measure_point(ActiveSet m) noexcept nogil
 cdef void set_terms(ActiveSet m, Terms* t) noexcept nogil
 cdef bint is_low(ActiveSet m, double residual, double size, double most_reserve) noexcept nogil
 cdef bint is_accurate(ActiveSet m, double error) noexcept nogil
-cdef bint is_within(ActiveSet m, double residual, double size, double rounding) noexcept nogil
 cdef bint are_within(ActiveSet m, double rounding) noexcept nogil
 cdef Code verdict(ActiveSet m) noexcept nogil
 cdef void set_correction(ActiveSet m) noexcept nogil
@@ -22,6 +21,4 @@ cdef Code judge(ActiveSet m, Code found) noexcept nogil
 cdef bint is_far(ActiveSet m) noexcept nogil
 cdef double largest_side(const double* side, Py_ssize_t n) noexcept nogil
 cdef bint is_faulty(ActiveSet m) noexcept nogil
-cdef void set_base_values(ActiveSet m) noexcept nogil
-cdef void begin(ActiveSet m, double level) noexcept nogil
 cdef Code follow(ActiveSet m) noexcept nogil

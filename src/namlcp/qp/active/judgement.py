@@ -18,15 +18,11 @@ from cython.cimports.namlcp.qp.active.engine import (
     STUCK,
     SUMMED,
     VIOLATION_ROUNDING,
-    admit_hints,
     drop_wrong_signs,
-    finish,
     goal_of,
     is_pinned,
     keep,
     pivot,
-    recall,
-    size_of,
     subtract_active,
 )
 
@@ -126,18 +122,14 @@ def is_accurate(m, error):
     )
 
 
-def is_within(m, residual, size, rounding):
-    """Tell whether a residual is within tolerance with that much of its terms."""
-    return residual + rounding * size <= m.eps_abs + m.eps_rel * size
-
-
 def are_within(m, rounding):
-    """Tell whether all three residuals are within tolerance."""
-    found = cython.address(m.found)
+    """Tell whether the residuals are within tolerance with that much of their terms."""
+    found, eps = cython.address(m.found), m.eps_abs
+    relative = m.eps_rel - rounding
     return (
-        is_within(m, found.primal, found.primal_size, rounding)
-        and is_within(m, found.dual, found.dual_size, rounding)
-        and is_within(m, found.gap, found.gap_size, rounding)
+        found.primal <= eps + relative * found.primal_size
+        and found.dual <= eps + relative * found.dual_size
+        and found.gap <= eps + relative * found.gap_size
     )
 
 
@@ -260,31 +252,12 @@ def is_faulty(m):
     return not fine
 
 
-def set_base_values(m):
-    """Set s0, the base solution, with the proximal term of the centre if there is W."""
-    for j in range(m.n):
-        m.rhs[j] = -m.q[j]
-    if m.rho != 0.0:
-        for j in range(m.n):
-            m.rhs[j] += m.weight[j] * m.centre[j]
-    copy(m.b, m.rhs + m.n, m.p)
-    m.set_values(m.rhs, m.s0)
-    m.base_size = size_of(m, m.s0)
-
-
-def begin(m, level):
-    """Set the base solution, and begin with the rows of the last solve or a hint."""
-    set_base_values(m)
-    m.entering, m.level = -1, level
-    recall(m)
-    admit_hints(m)
-
-
 def follow(m):
     """Solve the QP by `engine`, from the active rows at hand, and judge."""
-    begin(m, VIOLATION_ROUNDING)
-    drop_wrong_signs(m)
+    m.entering, m.level = -1, VIOLATION_ROUNDING
+    if not (m.begin() and drop_wrong_signs(m)):
+        return STUCK
     found = pivot(m)
-    if found == DONE and not finish(m):
+    if found == DONE and not m.finish():
         return STUCK
     return judge(m, found) if found == DONE or found == LATE else found

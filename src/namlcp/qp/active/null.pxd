@@ -1,5 +1,4 @@
 from namlcp.qp.active.dense cimport DenseActiveSet
-from namlcp.qp.active.engine cimport Code
 
 cdef enum:
     LEAST_FREE = 32
@@ -27,9 +26,7 @@ cdef class NullSpace(DenseActiveSet):
         readonly bint is_free, face_is_kept
 
 
-cdef Code solve_on_face(NullSpace m) noexcept nogil
 cdef bint are_most_at_bounds(NullSpace m) noexcept nogil
-cdef bint recall_face(NullSpace m) noexcept nogil
 cdef bint factor_face(NullSpace m) noexcept nogil
 cdef const double* held_row(NullSpace m, Py_ssize_t i) noexcept nogil
 cdef void set_free_part(NullSpace m, const double* vector, double* out) noexcept nogil

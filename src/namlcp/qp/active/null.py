@@ -36,27 +36,19 @@ from cython.cimports.namlcp.qp.active.dense import (
     proved,
     set_unit_load,
     solve_dense,
-    sum_anew,
 )
 from cython.cimports.namlcp.qp.active.engine import (
     DEPENDENT,
     DONE,
-    LATE,
     MOST_AGE,
     MOST_SORTED,
     STUCK,
-    SUMMED,
-    UNSUITED,
-    VIOLATION_ROUNDING,
-    drop_wrong_signs,
     goal_of,
     indices,
     insert_place,
-    pivot,
     reals,
     remove_place,
 )
-from cython.cimports.namlcp.qp.active.judgement import is_faulty, judge
 
 # LEAST_FREE: least variables for this form; with fewer it would gain nothing.
 
@@ -84,16 +76,14 @@ class NullSpace(DenseActiveSet):
         """
         if self.is_free and self.is_ready and self.kept_k > 0 and self.hints == 0:
             self.on_face = True
-            found = solve_on_face(self)
-            self.on_face = False
-            if found == SUMMED:
-                found = sum_anew(self)
-            self.face_is_kept = found == DONE
+            found = proved(self, solve_dense(self))
+            self.on_face, self.face_is_kept = False, found == DONE
             if found != STUCK:
-                return proved(self, found)
+                return found
             self.hints, self.kept_k = self.kept_k, 0
         found = proved(self, solve_dense(self))
-        self.is_free = found == DONE and self.rho == 0.0 and are_most_at_bounds(self)
+        is_plain: cython.bint = self.rho == 0.0 and self.skipped == 0
+        self.is_free = found == DONE and is_plain and are_most_at_bounds(self)
         self.face_is_kept = False
         return found
 
@@ -122,10 +112,24 @@ class NullSpace(DenseActiveSet):
             j = self.free[i]
             add_scaled(x[j], self.P + j * self.n, Px, self.n)
 
-    def step_work(self):
+    def begin(self):
         if not self.on_face:
-            return DenseActiveSet.step_work(self)
-        return (self.free_count + self.p + self.held + 2) * (self.length + self.n)
+            return DenseActiveSet.begin(self)
+        for i in range(self.k):
+            self.side[self.active[i]] = 0
+        self.k, self.changed, self.operations = self.kept_k, False, 0.0
+        self.age, self.base_size = self.kept_age, 0.0
+        for i in range(self.k):
+            row, side = self.kept_active[i], self.kept_side[i]
+            self.active[i] = row
+            if isinf(goal_of(self, row, side)):
+                self.face_is_kept = False
+            else:
+                self.side[row] = side
+        if not self.face_is_kept and not factor_face(self):
+            return False
+        set_load(self)
+        return True
 
     def project(self, row):
         if not self.on_face:
@@ -185,25 +189,17 @@ class NullSpace(DenseActiveSet):
             return
         times_rows(self.G, self.m, self.n, self.n, self.s + self.m, self.s)
 
-
-def solve_on_face(m):
-    """Solve the QP from the active rows of the last one."""
-    m.pivots, m.entering = 0, -1
-    if is_faulty(m):
-        return UNSUITED
-    if not (recall_face(m) and drop_wrong_signs(m)):
-        return STUCK
-    m.level, m.base_size = VIOLATION_ROUNDING, 0.0
-    found = pivot(m)
-    if found != DONE and found != LATE:
-        return found
-    if found == DONE and m.changed:  # the point as a function of the active rows alone
-        is_anew: cython.bint = m.free_count <= MOST_SORTED or m.age > MOST_AGE
-        if is_anew and not factor_face(m):
-            return STUCK
-        set_load(m)
-        set_face_point(m)
-    return judge(m, found)
+    def finish(self):
+        """On the face: the point as a function of the active rows alone."""
+        if not self.on_face:
+            return DenseActiveSet.finish(self)
+        if self.changed:
+            is_anew: cython.bint = self.free_count <= MOST_SORTED or self.age > MOST_AGE
+            if is_anew and not factor_face(self):
+                return False
+            set_load(self)
+            set_face_point(self)
+        return True
 
 
 def are_most_at_bounds(m):
@@ -215,24 +211,6 @@ def are_most_at_bounds(m):
 
 
 # ---- the face
-
-
-def recall_face(m):
-    """Go to the face of the last solved QP, less lost sides; tell whether it exists."""
-    for i in range(m.k):
-        m.side[m.active[i]] = 0
-    m.k, m.age, m.changed, m.operations = m.kept_k, m.kept_age, False, 0.0
-    for i in range(m.k):
-        row = m.kept_active[i]
-        m.active[i] = row
-        if isinf(goal_of(m, row, m.kept_side[i])):
-            m.face_is_kept = False
-        else:
-            m.side[row] = m.kept_side[i]
-    if not m.face_is_kept and not factor_face(m):
-        return False
-    set_load(m)
-    return True
 
 
 def factor_face(m):

@@ -6,10 +6,6 @@ cdef enum:
     RETRIES = 2
     REFINEMENTS = 2
 
-cdef struct Logarithms:
-    double total
-    Py_ssize_t count
-
 cdef Code solve_at_hand(ActiveSet m) noexcept nogil
 cdef Code solve_by_rounds(ActiveSet m) noexcept nogil
 cdef Code try_old_face(ActiveSet m) noexcept nogil
@@ -19,4 +15,3 @@ cdef void refine_contradiction(ActiveSet m) noexcept nogil
 cdef void set_shape(ActiveSet m) noexcept nogil
 cdef double wanted_rho(ActiveSet m) noexcept nogil
 cdef double typical_curvature(ActiveSet m) noexcept nogil
-cdef void add_log(Logarithms* sum, double side) noexcept nogil

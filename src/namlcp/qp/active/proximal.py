@@ -41,16 +41,15 @@ from cython.cimports.namlcp.qp.active.engine import (
     drop_wrong_signs,
     hold_active,
     pivot,
+    set_base_values,
 )
 from cython.cimports.namlcp.qp.active.face import FACE_SOLVED, LOST, RAY, descend
 from cython.cimports.namlcp.qp.active.judgement import (
     are_within,
-    begin,
     clip_point,
     follow,
     judge,
     measure,
-    set_base_values,
     verdict,
 )
 
@@ -69,7 +68,7 @@ LEAST_CURVATURE = 1e-100
 def solve_at_hand(m):
     """Solve the QP at the pointers of m, whose factors are there."""
     found = solve_by_rounds(m) if m.rho != 0.0 else follow(m)
-    if found == CONTRADICTION:
+    if found == CONTRADICTION and not m.on_face:
         refine_contradiction(m)
     return found
 
@@ -101,7 +100,8 @@ def try_old_face(m):
 
     The rounds would first come to those of the QP with the proximal term.
     """
-    begin(m, ROUND_ROUNDING)
+    m.entering, m.level = -1, ROUND_ROUNDING
+    m.begin()
     if m.k == 0:
         return STUCK
     m.set_multipliers()
@@ -201,23 +201,20 @@ def wanted_rho(m):
 
 def typical_curvature(m):
     """Return tau."""
-    sum: Logarithms
-    largest = 0.0
-    sum.total, sum.count = 0.0, 0
-    for i in range(m.m):
-        add_log(cython.address(sum), m.h[i] * m.scale[i])
-    for i in range(m.p):
-        add_log(cython.address(sum), m.b[i] * m.reach[i])
+    total, count, largest = 0.0, 0, 0.0
+    for i in range(m.p + m.m + 2 * m.n):
+        row = i - m.p
+        if row < 0:
+            distance = m.b[i] * m.reach[i]
+        elif row < m.m:
+            distance = m.h[row] * m.scale[row]
+        elif row < m.rows:
+            distance = m.lb[row - m.m] * m.scale[row]
+        else:
+            distance = m.ub[row - m.rows] * m.scale[row - m.n]
+        if 0.0 < fabs(distance) < INFINITY:
+            total += log(fabs(distance))
+            count += 1
     for j in range(m.n):
-        root = m.scale[m.m + j]
-        add_log(cython.address(sum), m.lb[j] * root)
-        add_log(cython.address(sum), m.ub[j] * root)
-        largest = max(largest, fabs(m.q[j]) / root)
-    return largest / exp(sum.total / max(sum.count, 1))
-
-
-def add_log(sum, side):
-    """Add the logarithm of one distance, unless it is 0 or means no constraint."""
-    if 0.0 < fabs(side) < INFINITY:
-        sum.total += log(fabs(side))
-        sum.count += 1
+        largest = max(largest, fabs(m.q[j]) / m.scale[m.m + j])
+    return largest / exp(total / max(count, 1))

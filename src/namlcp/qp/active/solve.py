@@ -35,7 +35,7 @@ from cython.cimports.namlcp.qp.active.engine import (
     make_room,
     response_of,
 )
-from cython.cimports.namlcp.qp.active.judgement import is_within
+from cython.cimports.namlcp.qp.active.judgement import are_within
 from cython.cimports.namlcp.qp.active.null import NullSpace
 from cython.cimports.namlcp.qp.active.proximal import NO_WEIGHT
 from cython.cimports.namlcp.qp.intake import is_finite, is_side
@@ -252,16 +252,16 @@ def tiny_form(C, n):
 
 def is_certain(m):
     """Tell whether the residuals are within tolerance in any order of their sums."""
-    n, found = m.n, cython.address(m.found)
+    n, found, kept = m.n, cython.address(m.found), m.found
     primal, dual, gap = rounding_errors(
         norm(m.P, n * n), norm(m.G, m.m * n), norm(m.A, m.p * n),
         norm(m.x, n), norm(m.y, m.p), norm(m.z, m.m),
     )  # fmt: skip
-    return (
-        is_within(m, found.primal + primal, found.primal_size, 0.0)
-        and is_within(m, found.dual + dual, found.dual_size, 0.0)
-        and is_within(m, found.gap + gap, found.gap_size, 0.0)
-    )
+    found.primal, found.dual = found.primal + primal, found.dual + dual
+    found.gap += gap
+    fine: cython.bint = are_within(m, 0.0)
+    m.found = kept
+    return fine
 
 
 def norm(v, n):
