@@ -22,7 +22,7 @@ from namlcp.results import QPResult, qp_result
 
 # How an attempt ended after which the dense form may be tried again: a fault is named,
 # or a point was found whose sums have to be judged in the order of the arguments.
-RETRIED = (Code.UNSUITED, Code.DONE)
+RETRIED = (Code.UNSUITED, Code.DONE, Code.SUMMED)
 
 
 def solve_qp(

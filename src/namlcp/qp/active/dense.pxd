@@ -39,7 +39,6 @@ cdef void set_unit_load(DenseActiveSet m, Py_ssize_t row, double* rhs) noexcept 
 cdef void prepare(DenseActiveSet m) noexcept nogil
 cdef Code solve_anew(DenseActiveSet m, double wanted) noexcept nogil
 cdef Code solve_dense(DenseActiveSet m) noexcept nogil
-cdef Code sum_anew(DenseActiveSet m) noexcept nogil
 cdef Code proved(DenseActiveSet m, Code found) noexcept nogil
 cdef Py_ssize_t worst_equation(DenseActiveSet m, const double* x, double limit) noexcept nogil
 cdef bint contradicts_equations(DenseActiveSet m) noexcept nogil

@@ -19,8 +19,6 @@ from cython import Py_ssize_t
 from cython.cimports.libc.math import INFINITY, NAN, fabs, sqrt
 from cython.cimports.libc.stdlib import free, malloc
 from cython.cimports.namlcp.linalg.blas import (
-    blas_times,
-    blas_times_transposed,
     cholesky,
     invert_lower,
     times,
@@ -41,7 +39,6 @@ from cython.cimports.namlcp.linalg.vectors import (
     fill,
     largest_entry,
 )
-from cython.cimports.namlcp.measure import Terms, gap_by_products
 from cython.cimports.namlcp.qp.acceptance import (
     Claim,
     Matrix,
@@ -63,10 +60,7 @@ from cython.cimports.namlcp.qp.active.engine import (
     set_base_values,
 )
 from cython.cimports.namlcp.qp.active.judgement import (
-    are_within,
     is_faulty,
-    measure_point,
-    set_terms,
 )
 from cython.cimports.namlcp.qp.active.proximal import (
     NO_WEIGHT,
@@ -392,29 +386,10 @@ def solve_dense(m):
     if m.skipped > 0 and contradicts_equations(m):
         return CONTRADICTION
     found = solve_at_hand(m)
-    if found == SUMMED:
-        found = sum_anew(m)
-    if found == DONE and m.skipped > 0 and worst_equation(m, m.x, LEFT) >= 0:
-        return UNSUITED  # the one left out depends on others but for a small part
+    if m.skipped > 0 and (found == DONE or found == SUMMED):
+        if worst_equation(m, m.x, LEFT) >= 0:
+            return UNSUITED  # what was left out depends on others but for a small part
     return found
-
-
-def sum_anew(m):
-    """Measure the point with sums in the order of the data: DONE or STUCK.
-
-    They are those of `qp_residuals`, which takes them from NumPy and thus from BLAS.
-    """
-    n = m.n
-    t: Terms
-    blas_times(m.P, n, n, m.x, m.Px)
-    blas_times(m.G, m.m, n, m.x, m.Gx)
-    blas_times(m.A, m.p, n, m.x, m.Ax)
-    blas_times_transposed(m.G, m.m, n, m.z, m.Gtz)
-    blas_times_transposed(m.A, m.p, n, m.y, m.Aty)
-    measure_point(m)
-    set_terms(m, cython.address(t))
-    m.found.gap = fabs(gap_by_products(cython.address(t), m.change, m.direction))
-    return DONE if are_within(m, 0.0) else STUCK
 
 
 def proved(m, found):

@@ -1,4 +1,3 @@
-from namlcp.measure cimport Terms
 from namlcp.qp.active.engine cimport ActiveSet, Code
 
 cdef double ACCURATE, RESERVE, ROUNDING, GAIN, LEAST_DIVISOR, INFINITE
@@ -9,7 +8,6 @@ cdef void set_point(ActiveSet m) noexcept nogil
 cdef bint clip_point(ActiveSet m) noexcept nogil
 cdef double measure(ActiveSet m) noexcept nogil
 cdef void measure_point(ActiveSet m) noexcept nogil
-cdef void set_terms(ActiveSet m, Terms* t) noexcept nogil
 cdef bint is_low(ActiveSet m, double residual, double size, double most_reserve) noexcept nogil
 cdef bint is_accurate(ActiveSet m, double error) noexcept nogil
 cdef bint are_within(ActiveSet m, double rounding) noexcept nogil

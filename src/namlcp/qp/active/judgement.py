@@ -93,16 +93,11 @@ def measure(m):
 def measure_point(m):
     """Set m.found, the numbers of `Residuals`, from the products of the point."""
     t: Terms
-    set_terms(m, cython.address(t))
-    measure_terms(cython.address(t), cython.address(m.found))
-
-
-def set_terms(m, t):
-    """Note where the terms of the residuals are."""
     t.n, t.m, t.p = m.n, m.m, m.p
     t.q, t.h, t.b, t.lb, t.ub = m.q, m.h, m.b, m.lb, m.ub
     t.x, t.y, t.z, t.z_box = m.x, m.y, m.z, m.z_box
     t.Px, t.Gx, t.Ax, t.Gtz, t.Aty = m.Px, m.Gx, m.Ax, m.Gtz, m.Aty
+    measure_terms(cython.address(t), cython.address(m.found))
 
 
 def is_low(m, residual, size, most_reserve):
