@@ -3,7 +3,7 @@
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csc_array, issparse
+from scipy.sparse import issparse
 
 from namlcp.checks import as_sparse, from_arrays, matrix, real_array, refuse_view
 from namlcp.linalg import as_dense
@@ -51,11 +51,6 @@ def has_pattern_of(new: Any, old: Any) -> bool:
         and are_equal(new.indptr, old.indptr)
         and are_equal(new.indices, old.indices)
     )
-
-
-def as_given(given: Any, own: Any) -> Any:
-    """Return a user's matrix as it is stored, which is `own` where that is the same."""
-    return own if type(own) is csc_array and has_pattern_of(given, own) else given
 
 
 def in_place_of(name: str, value: Any, kept: Any) -> Any:

@@ -12,6 +12,8 @@ solve without memory, which is the one of `solve_qp`.
 from math import inf
 from typing import Any
 
+from scipy.sparse import csc_array
+
 from namlcp.limits import Deadline
 from namlcp.options import DEFAULT_OPTIONS, Options
 from namlcp.outcome import Outcome
@@ -26,8 +28,8 @@ from namlcp.qp.memory import Memory
 from namlcp.qp.problem import QP
 from namlcp.qp.route import is_small
 from namlcp.qp.sequences.pattern import (
-    as_given,
     copied,
+    has_pattern_of,
     in_place_of,
     is_unchanged,
     within_pattern,
@@ -77,8 +79,10 @@ class QPSequence:
     def hold_matrices(self, qp: QP, given: tuple[Any, ...]) -> None:
         """Take the matrices of a checked QP, `given` in the user's own storage."""
         self.matrices = qp.P, qp.G, qp.A
-        P, G, A = map(as_given, given, self.matrices)
-        self.given = P, G, A
+        self.given = tuple(  # the QP's own where they are stored alike
+            own if type(own) is csc_array and has_pattern_of(M, own) else M
+            for M, own in zip(given, self.matrices, strict=True)
+        )
         self.is_own = are_own(self.given, qp)
 
     def begin(self) -> None:
@@ -180,16 +184,25 @@ class QPSequence:
     def solve_with_care(
         self, guess: Guess | None, start: float, is_tried: bool
     ) -> Outcome:
-        """Return the answer of what is kept, of the general solve where that fails."""
+        """Return the answer of what is kept, of the general solve where that fails.
+
+        That is one from the guess or the last result, then one from nothing.
+        """
         self.is_current, answer = False, None
         if guess is not None:
             self.suggest(guess)
         if self.active_set is not None and not self.options.verbose:
             answer = self.solve_by_active_set(start, is_tried)
-        if answer is None:
-            answer = self.solve_by_all_means(guess, start)
-            if answer.status is SOLVED:
-                self.suggest(make_guess(self.qp, None, answer.point))
+        if answer is not None:
+            return answer
+        qp, options, given = self.qp, self.options, self.given
+        if guess is None:
+            guess = make_guess(qp, None, self.last)
+        answer = solve_checked(qp, options, guess, start, None, self.memory, given)
+        if answer.status not in SETTLED and answer.closest is None:
+            answer = solve_checked(qp, options, NO_GUESS, start, given=given)
+        if answer.status is SOLVED:
+            self.suggest(make_guess(qp, None, answer.point))
         return answer
 
     def suggest(self, guess: Guess) -> None:
@@ -218,16 +231,4 @@ class QPSequence:
         if options.relaxation and answer.status is Status.PRIMAL_INFEASIBLE:
             return None  # the general solve finds the closest point
         self.is_current = answer.status is SOLVED
-        return answer
-
-    def solve_by_all_means(self, guess: Guess | None, start: float) -> Outcome:
-        """Return the answer of the general solve: from a guess, then from nothing."""
-        qp, options, given = self.qp, self.options, self.given
-        if guess is None:
-            guess = make_guess(qp, None, self.last)
-        answer = solve_checked(
-            qp, options, guess, start, memory=self.memory, given=given
-        )
-        if answer.status not in SETTLED and answer.closest is None:
-            answer = solve_checked(qp, options, NO_GUESS, start, given=given)
         return answer
