@@ -160,7 +160,6 @@ cdef Py_ssize_t most_independent(ActiveSet m) noexcept nogil
 cdef void insert_place(ActiveSet m, Py_ssize_t at, Py_ssize_t row, Py_ssize_t side, double multiplier) noexcept nogil
 cdef void remove_place(ActiveSet m, Py_ssize_t i) noexcept nogil
 cdef void set_base_values(ActiveSet m) noexcept nogil
-cdef void keep(ActiveSet m) noexcept nogil
 cdef bint drop_wrong_signs(ActiveSet m) noexcept nogil
 cdef double size_of(ActiveSet m, const double* values) noexcept nogil
 cdef void choose_entering(ActiveSet m) noexcept nogil

@@ -396,14 +396,6 @@ def set_base_values(m):
     m.base_size = size_of(m, m.s0)
 
 
-def keep(m):
-    """Note the active rows as those of the last solved QP."""
-    for i in range(m.k):
-        m.kept_active[i], m.kept_side[i] = m.active[i], m.side[m.active[i]]
-    m.kept_k, m.kept_age, m.hints = m.k, m.age, 0
-    m.triangle, m.kept_triangle = m.kept_triangle, m.triangle
-
-
 def drop_wrong_signs(m):
     """Step 1: remove active rows until all multipliers have the sign of their side.
 

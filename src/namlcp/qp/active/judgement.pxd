@@ -7,7 +7,6 @@ cdef enum:
 cdef void set_point(ActiveSet m) noexcept nogil
 cdef bint clip_point(ActiveSet m) noexcept nogil
 cdef double measure(ActiveSet m) noexcept nogil
-cdef void measure_point(ActiveSet m) noexcept nogil
 cdef bint is_low(ActiveSet m, double residual, double size, double most_reserve) noexcept nogil
 cdef bint is_accurate(ActiveSet m, double error) noexcept nogil
 cdef bint are_within(ActiveSet m, double rounding) noexcept nogil

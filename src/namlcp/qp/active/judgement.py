@@ -21,7 +21,6 @@ from cython.cimports.namlcp.qp.active.engine import (
     drop_wrong_signs,
     goal_of,
     is_pinned,
-    keep,
     pivot,
     subtract_active,
 )
@@ -71,6 +70,7 @@ def measure(m):
     Needs the products of the point. Returns the largest residual over the moduli of its
     terms, with the active rows as equations.
     """
+    t: Terms
     primal = 0.0
     for i in range(m.k):
         row = m.active[i]
@@ -82,22 +82,16 @@ def measure(m):
             sign, m.z_box[j] = m.side[row], -gradient
             if sign * gradient > 0.0 and not is_pinned(m, row):
                 m.z_box[j] = 0.0
-    measure_point(m)
-    found = cython.address(m.found)
-    return max(
-        max(primal, found.primal) / max(found.primal_size, LEAST_DIVISOR),
-        found.dual / max(found.dual_size, LEAST_DIVISOR),
-    )
-
-
-def measure_point(m):
-    """Set m.found, the numbers of `Residuals`, from the products of the point."""
-    t: Terms
     t.n, t.m, t.p = m.n, m.m, m.p
     t.q, t.h, t.b, t.lb, t.ub = m.q, m.h, m.b, m.lb, m.ub
     t.x, t.y, t.z, t.z_box = m.x, m.y, m.z, m.z_box
     t.Px, t.Gx, t.Ax, t.Gtz, t.Aty = m.Px, m.Gx, m.Ax, m.Gtz, m.Aty
-    measure_terms(cython.address(t), cython.address(m.found))
+    found = cython.address(m.found)
+    measure_terms(cython.address(t), found)
+    return max(
+        max(primal, found.primal) / max(found.primal_size, LEAST_DIVISOR),
+        found.dual / max(found.dual_size, LEAST_DIVISOR),
+    )
 
 
 def is_low(m, residual, size, most_reserve):
@@ -135,7 +129,10 @@ def verdict(m):
     """
     if not are_within(m, 0.0) or is_far(m):
         return STUCK
-    keep(m)
+    for i in range(m.k):
+        m.kept_active[i], m.kept_side[i] = m.active[i], m.side[m.active[i]]
+    m.kept_k, m.kept_age, m.hints = m.k, m.age, 0
+    m.triangle, m.kept_triangle = m.kept_triangle, m.triangle
     return DONE if are_within(m, ROUNDING) else SUMMED
 
 

@@ -26,7 +26,6 @@ cdef class NullSpace(DenseActiveSet):
         readonly bint is_free, face_is_kept
 
 
-cdef bint are_most_at_bounds(NullSpace m) noexcept nogil
 cdef bint factor_face(NullSpace m) noexcept nogil
 cdef const double* held_row(NullSpace m, Py_ssize_t i) noexcept nogil
 cdef void set_free_part(NullSpace m, const double* vector, double* out) noexcept nogil

@@ -12,7 +12,7 @@ minus the gradient. An entering row c changes x_F by -t z and r by -t v, where z
 solve the same system for (c_F, 0); the rest of the row orthogonal to the active ones is
 c_F'z, and the multipliers of bounds change by -t (c - P z - C'v)_B. So a step costs
 n nf operations instead of n k for k active rows, and bounds cost nothing: this pays
-where nf and the held rows are fewer than k (`are_most_at_bounds`), for nf up to 2/3 n.
+where nf and the held rows are fewer than k, for nf up to 2/3 n.
 
 A variable that becomes free is appended to L; one that is fixed is removed by Givens
 rotations. T and R are computed anew, as few rows are held. Where the factors do not
@@ -82,8 +82,12 @@ class NullSpace(DenseActiveSet):
                 return found
             self.hints, self.kept_k = self.kept_k, 0
         found = proved(self, solve_dense(self))
+        bounds: Py_ssize_t = 0
+        for i in range(self.k):
+            bounds += self.active[i] >= self.m
+        is_smaller: cython.bint = self.n - bounds + self.p < bounds
         is_plain: cython.bint = self.rho == 0.0 and self.skipped == 0
-        self.is_free = found == DONE and is_plain and are_most_at_bounds(self)
+        self.is_free = found == DONE and is_plain and is_smaller and self.most_free > 0
         self.face_is_kept = False
         return found
 
@@ -200,14 +204,6 @@ class NullSpace(DenseActiveSet):
             set_load(self)
             set_face_point(self)
         return True
-
-
-def are_most_at_bounds(m):
-    """Tell whether the form of the face is the smaller one: its order, see above."""
-    count: Py_ssize_t = 0
-    for i in range(m.k):
-        count += m.active[i] >= m.m
-    return m.most_free > 0 and m.n - count + m.p < count
 
 
 # ---- the face

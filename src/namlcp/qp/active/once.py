@@ -14,7 +14,7 @@ from namlcp.qp.active import solve
 from namlcp.qp.active.dense import DenseActiveSet
 from namlcp.qp.active.engine import ActiveSet, Code
 from namlcp.qp.active.null import NullSpace
-from namlcp.qp.active.sparse import SparseActiveSet, active_set_of
+from namlcp.qp.active.sparse import SparseActiveSet
 from namlcp.qp.chain import Chain
 from namlcp.qp.guess import Guess
 from namlcp.qp.judge import Judge
@@ -24,6 +24,9 @@ from namlcp.status import Status
 FORM = "dual"
 # Operations of what is made anew, over those from which on a method gives up.
 MOST_ANEW = 0.2
+# Most variables, rows and equations of a sparse QP together, as a response to a row has
+# so many entries.
+MOST_LENGTH = 20_000
 
 
 def solve_dense(
@@ -92,13 +95,19 @@ def answer_of(m: ActiveSet, judge: Judge, chain: Chain | None = None) -> Outcome
 def kept_for(qp: QP) -> Any:
     """Return a `NullSpace` or `SparseActiveSet` for these matrices, None for neither.
 
-    It holds their arrays, which must not change, and is for one thread.
+    None where they are sparse, and so large or full that other methods are quicker. It
+    holds their arrays, which must not change, and is for one thread.
     """
-    if not qp.is_dense:
-        return active_set_of(qp)
-    m = NullSpace()
-    solve.attach(m, qp.P, qp.G, qp.A, False)
-    return m
+    if qp.is_dense:
+        m = NullSpace()
+        solve.attach(m, qp.P, qp.G, qp.A, False)
+        return m
+    n, p = qp.q.size, qp.b.size
+    if p > n or n + qp.h.size + p > MOST_LENGTH:
+        return None
+    found = SparseActiveSet()
+    found.attach(qp.P, qp.G, qp.A)
+    return found if found.is_ready else None
 
 
 def is_slow_anew(m: Any) -> bool:

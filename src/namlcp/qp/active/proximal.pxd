@@ -9,7 +9,6 @@ cdef enum:
 cdef Code solve_at_hand(ActiveSet m) noexcept nogil
 cdef Code solve_by_rounds(ActiveSet m) noexcept nogil
 cdef Code try_old_face(ActiveSet m) noexcept nogil
-cdef Code minimise(ActiveSet m) noexcept nogil
 cdef Code settle(ActiveSet m) noexcept nogil
 cdef void refine_contradiction(ActiveSet m) noexcept nogil
 cdef void set_shape(ActiveSet m) noexcept nogil

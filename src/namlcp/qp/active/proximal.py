@@ -79,9 +79,16 @@ def solve_by_rounds(m):
     m.rounds, m.retries = 0, RETRIES
     found = try_old_face(m)
     while found == STUCK and m.rounds < MOST_ROUNDS:
-        found = minimise(m)
+        m.changed = False
+        drop_wrong_signs(m)
+        found = pivot(m)
+        if found == LATE:
+            judge(m, found)
         if found != DONE:
             return found
+        if m.changed:
+            m.set_multipliers()
+            m.set_point_values()
         m.rounds += 1
         end = descend(m)
         if end == RAY:
@@ -107,19 +114,6 @@ def try_old_face(m):
     m.set_multipliers()
     m.set_point_values()
     return settle(m) if descend(m) == FACE_SOLVED else STUCK
-
-
-def minimise(m):
-    """Solve the QP with the proximal term of this centre."""
-    m.changed = False
-    drop_wrong_signs(m)
-    found = pivot(m)
-    if found == DONE and m.changed:
-        m.set_multipliers()
-        m.set_point_values()
-    elif found == LATE:
-        judge(m, found)
-    return found
 
 
 def settle(m):

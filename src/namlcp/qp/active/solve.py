@@ -155,11 +155,6 @@ def height_of(C, d, n):
     return rows if is_pair else -1
 
 
-def is_bound(side, n):
-    """Tell whether a clean vector of n bounds came, or none."""
-    return side is None or is_vector(side, n)
-
-
 def solve_small(
     kind, settings: Settings, start, keeps, P, q, G, h, A, b, lb, ub, x0=None,
     warm_start=None,
@@ -185,7 +180,9 @@ def solve_small(
         p = height_of(A, b, n)
     if height_of(P, q, n) < 0 or rows < 0 or p < 0 or n + rows + p > MOST_ORDER:
         return None
-    if not (is_bound(lb, n) and is_bound(ub, n)) or (n > MOST_BOX and rows + p == 0):
+    if not (lb is None or is_vector(lb, n)) or not (ub is None or is_vector(ub, n)):
+        return None
+    if n > MOST_BOX and rows + p == 0:
         return None
     if n > MOST_LINEAR and filled(data_of(P), n * n) == 0:
         return None

@@ -28,7 +28,6 @@ cdef class SparseActiveSet(ActiveSet):
 
 cdef double SHIFT, LEAST_PIVOT, REACHED, FIXED, MOST_OPERATIONS, ACCURATE, GAIN
 cdef enum:
-    MOST_LENGTH = 20_000
     MOST_PASSES = 4
 
 cdef bint is_weighed(SparseActiveSet m, double rho) noexcept nogil

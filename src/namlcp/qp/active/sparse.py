@@ -56,25 +56,11 @@ FIXED = 1e-11
 # Operations for each entry of K, G, L and a vector from which on another method is
 # quicker: the interior-point method takes about a microsecond for an entry.
 MOST_OPERATIONS = 2000.0
-# MOST_LENGTH: most variables, rows and equations together, as a response to a row has
-# so many entries. MOST_PASSES: most passes of refinement.
-
-
-def active_set_of(qp):
-    """Return a `SparseActiveSet` with the matrices of a QP, P positive semidefinite.
-
-    None if these are dense, or so large or full that other methods are quicker.
-    """
-    n, m, p = qp.q.size, qp.h.size, qp.b.size
-    if qp.is_dense or p > n or n + m + p > MOST_LENGTH:
-        return None
-    found = SparseActiveSet()
-    found.attach(qp.P, qp.G, qp.A)
-    return found if found.is_ready else None
+# MOST_PASSES: most passes of refinement.
 
 
 class SparseActiveSet:
-    """A QP with sparse matrices; see `active_set_of`."""
+    """A QP with sparse matrices."""
 
     def lay_out(self):
         self.size = self.n + self.p
