@@ -34,12 +34,10 @@ class Memory:
     box: Prepared | None = None
     dense_failed = False
 
-    @classmethod
-    def of(cls, qp: QP) -> "Memory":
-        """Return a memory that knows the matrices of `qp`, as `adopt` takes them."""
-        memory = cls()
-        memory.adopt(qp)
-        return memory
+    def __init__(self, qp: QP | None = None) -> None:
+        """Know the matrices of `qp`, as `adopt` takes them."""
+        if qp is not None:
+            self.adopt(qp)
 
     def __reduce__(self) -> tuple[type["Memory"], tuple[()]]:
         """Let a copy start empty: the factors cannot be copied."""

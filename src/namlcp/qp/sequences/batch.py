@@ -167,7 +167,7 @@ def solve_items(
             qp, given = items.item(i)
             guess = make_guess(qp, None, None if starts is None else starts[i])
             # Of this item alone: no other has a part in it.
-            memory = None if "P" in items.stacked else Memory.of(qp)
+            memory = None if "P" in items.stacked else Memory(qp)
             answer = solve_checked(qp, options, guess, start, None, memory, given)
         except Exception as error:  # of any kind: it is the result of this item
             nothing, message = Point(*np.full((4, 1), np.nan)), str(error) or repr(error)

@@ -89,7 +89,7 @@ class QPSequence:
         """Keep nothing of earlier solves but the last result."""
         qp = self.qp
         self.sizes = qp.q.size, qp.h.size, qp.b.size
-        self.memory = Memory.of(qp)
+        self.memory = Memory(qp)
         # What solves, see `qp.active`, None if that is nothing for these matrices;
         # whether it has still to take new ones; whether it found `last`.
         self.active_set: Any = kept_for(qp) if not qp.is_dense or is_small(qp) else None
