@@ -170,7 +170,8 @@ def solve_items(
             memory = None if "P" in items.stacked else Memory(qp)
             answer = solve_checked(qp, options, guess, start, None, memory, given)
         except Exception as error:  # of any kind: it is the result of this item
-            nothing, message = Point(*np.full((4, 1), np.nan)), str(error) or repr(error)
+            nothing = Point(*np.full((4, 1), np.nan))
+            message = str(error) or repr(error)
             answer = Outcome(Status.INVALID, nothing, UNDEFINED, 0, "", message)
         put(found, i, answer)
 
