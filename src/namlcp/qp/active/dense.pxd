@@ -34,7 +34,6 @@ cdef bint factor_cost(DenseActiveSet m) noexcept nogil
 cdef bint factor_weighted(DenseActiveSet m) noexcept nogil
 cdef double reach_of(const double* row, const double* shape, Py_ssize_t n) noexcept nogil
 cdef void invert_factor(DenseActiveSet m) noexcept nogil
-cdef void set_curvature(DenseActiveSet m) noexcept nogil
 cdef void set_unit_load(DenseActiveSet m, Py_ssize_t row, double* rhs) noexcept nogil
 cdef void prepare(DenseActiveSet m) noexcept nogil
 cdef Code solve_anew(DenseActiveSet m, double wanted) noexcept nogil

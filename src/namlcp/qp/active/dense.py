@@ -283,27 +283,17 @@ def reach_of(row, shape, n):
 
 
 def invert_factor(m):
-    """Turn L into V, and compute T and U."""
-    n, p = m.n, m.p
+    """Turn L into V, and compute T and U.
+
+    Sets m.least_curvature from the largest diagonal entry of P^-1 = V'V, scaled.
+    """
+    n, p, half, unit = m.n, m.p, m.half, m.scale + m.m
     if m.is_large:
         invert_lower(m.factor, n)
         for i in range(n):
             fill(m.factor + i * n + i + 1, 0.0, n - i - 1)
     else:
         invert_triangle(m.factor, n)
-    set_curvature(m)
-    for i in range(p):
-        column = m.equations + i * n
-        times_triangle(m.factor, n, m.A + i * n, column)
-        for j in range(i + 1):
-            m.schur[i * p + j] = dot(m.equations + j * n, column, n)
-    m.skipped = factor_in_place(m.schur, p, DEPENDENT_EQUATION)
-    invert_triangle(m.schur, p)
-
-
-def set_curvature(m):
-    """Set m.least_curvature from the largest diagonal entry of P^-1 = V'V, scaled."""
-    n, half, unit = m.n, m.half, m.scale + m.m
     fill(half, 0.0, n)
     for i in range(n):
         row = m.factor + i * n
@@ -313,6 +303,13 @@ def set_curvature(m):
     for j in range(n):
         largest = max(largest, half[j] * unit[j] * unit[j])
     m.least_curvature = FIXED * largest
+    for i in range(p):
+        column = m.equations + i * n
+        times_triangle(m.factor, n, m.A + i * n, column)
+        for j in range(i + 1):
+            m.schur[i * p + j] = dot(m.equations + j * n, column, n)
+    m.skipped = factor_in_place(m.schur, p, DEPENDENT_EQUATION)
+    invert_triangle(m.schur, p)
 
 
 # ---- the operator

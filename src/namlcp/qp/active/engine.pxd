@@ -164,9 +164,7 @@ cdef bint drop_wrong_signs(ActiveSet m) noexcept nogil
 cdef double size_of(ActiveSet m, const double* values) noexcept nogil
 cdef void choose_entering(ActiveSet m) noexcept nogil
 cdef Code step(ActiveSet m) noexcept nogil
-cdef bint has_next(ActiveSet m) noexcept nogil
 cdef Code excuse(ActiveSet m) noexcept nogil
 cdef Code pivot(ActiveSet m) noexcept nogil
 cdef void set_contradiction(ActiveSet m) noexcept nogil
-cdef void sort_active(ActiveSet m) noexcept nogil
 cdef bint factor_active(ActiveSet m) noexcept nogil

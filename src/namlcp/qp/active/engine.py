@@ -171,7 +171,6 @@ class ActiveSet(Watched):
         """
         if self.changed and not self.is_single:
             if self.k <= MOST_SORTED or self.age > MOST_AGE:
-                sort_active(self)
                 if not factor_active(self):
                     return False
                 self.age = 0
@@ -487,16 +486,6 @@ def step(m):
     return DONE if m.append(row, sign, sign * m.own, rest) else STUCK
 
 
-def has_next(m):
-    """Choose the entering row, unless there is none or there were too many."""
-    choose_entering(m)
-    if m.entering < 0:
-        return False
-    m.pivots += 1
-    most = max(USUAL, GROWN * m.rows) if m.max_iter == USUAL else m.max_iter
-    return m.pivots <= min(most, MOST_PIVOTS * (m.rows + 1))
-
-
 def excuse(m):
     """Leave a row that contradicts the active ones, if that may be due to rounding.
 
@@ -519,8 +508,14 @@ def pivot(m):
     After CONTRADICTION y and z are the candidate.
     """
     while True:
-        if m.entering < 0 and not has_next(m):
-            return DONE if m.entering < 0 else STUCK
+        if m.entering < 0:
+            choose_entering(m)
+            if m.entering < 0:
+                return DONE
+            m.pivots += 1
+            most = max(USUAL, GROWN * m.rows) if m.max_iter == USUAL else m.max_iter
+            if m.pivots > min(most, MOST_PIVOTS * (m.rows + 1)):
+                return STUCK
         operations = (m.k + 2) * (m.length + m.k)
         if is_over(m, operations):
             return LATE
@@ -559,8 +554,8 @@ def set_contradiction(m):
 # ---- step 3
 
 
-def sort_active(m):
-    """Sort the active rows."""
+def factor_active(m):
+    """Sort the active rows and compute L anew; tell whether all are independent."""
     for i in range(1, m.k):
         row = m.active[i]
         j = i
@@ -568,10 +563,6 @@ def sort_active(m):
             m.active[j] = m.active[j - 1]
             j -= 1
         m.active[j] = row
-
-
-def factor_active(m):
-    """Compute L from the responses; tell whether all rows are independent."""
     count, m.k = m.k, 0
     fine: cython.bint = True
     while fine and m.k < count:

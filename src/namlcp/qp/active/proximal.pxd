@@ -13,4 +13,3 @@ cdef Code settle(ActiveSet m) noexcept nogil
 cdef void refine_contradiction(ActiveSet m) noexcept nogil
 cdef void set_shape(ActiveSet m) noexcept nogil
 cdef double wanted_rho(ActiveSet m) noexcept nogil
-cdef double typical_curvature(ActiveSet m) noexcept nogil

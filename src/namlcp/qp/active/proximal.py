@@ -185,16 +185,6 @@ def set_shape(m):
 
 def wanted_rho(m):
     """Return rho for the vectors at hand."""
-    tau = typical_curvature(m)
-    if m.largest > 0.0 or not tau > 0.0:
-        tau = max(1.0, tau)
-    tau = min(max(tau, LEAST_CURVATURE), 1.0 / LEAST_CURVATURE)
-    factor = m.wanted if m.wanted > 0.0 else RHO
-    return factor * 16.0 ** floor(log(tau) / log(16.0))
-
-
-def typical_curvature(m):
-    """Return tau."""
     total, count, largest = 0.0, 0, 0.0
     for i in range(m.p + m.m + 2 * m.n):
         row = i - m.p
@@ -211,4 +201,9 @@ def typical_curvature(m):
             count += 1
     for j in range(m.n):
         largest = max(largest, fabs(m.q[j]) / m.scale[m.m + j])
-    return largest / exp(total / max(count, 1))
+    tau = largest / exp(total / max(count, 1))
+    if m.largest > 0.0 or not tau > 0.0:
+        tau = max(1.0, tau)
+    tau = min(max(tau, LEAST_CURVATURE), 1.0 / LEAST_CURVATURE)
+    factor = m.wanted if m.wanted > 0.0 else RHO
+    return factor * 16.0 ** floor(log(tau) / log(16.0))
