@@ -220,6 +220,7 @@ def assert_equal_gradients(own, other, names, rtol=1e-10, atol=1e-11):
 def face_gradients(result, given):
     """Those by LU factors of the whole KKT matrix."""
     result.derivative.item = None
+    result.derivative.hold()
     return result.backward(*given)
 
 

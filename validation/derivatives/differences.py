@@ -25,6 +25,7 @@ import numpy as np
 import scipy.sparse as sp
 
 import namlcp
+from namlcp.derivatives.face import active_sets
 from namlcp.qp import QP
 from validation.derivatives import cases
 from validation.harness import Job, Row
@@ -119,13 +120,13 @@ def regular_qp(seed: int) -> tuple[float, float]:
     result = namlcp.solve_qp(*given)
     d = cases.direction(qp, seed)
     tangent = result.forward(**{f"d{name}": change for name, change in d.items()})
-    active = result.derivative.face.active
-    value = qp_solution(qp, active.rows, active.side)
+    held, _, _ = active_sets(result.derivative.qp, result.derivative.solution)
+    _, rows, side = np.split(held, [p, p + m])
+    rows = np.flatnonzero(rows)
+    value = qp_solution(qp, rows, side)
     own = np.concatenate([getattr(result, part) for part in PARTS])
     assert relative(own, value, value) <= 1e-6, seed
-    expected = difference(
-        lambda t: qp_solution(cases.moved(qp, d, t), active.rows, active.side)
-    )
+    expected = difference(lambda t: qp_solution(cases.moved(qp, d, t), rows, side))
     found = np.concatenate([getattr(tangent, part) for part in PARTS])
     g = rng.standard_normal(found.size) / (np.abs(own) + 1e-3)
     ends = np.cumsum([n, p, m])

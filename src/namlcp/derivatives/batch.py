@@ -41,13 +41,6 @@ class Found(NamedTuple):
     weak: np.ndarray
     regular: np.ndarray
 
-    @classmethod
-    def zeros(cls, count: int, n: int, m: int, p: int) -> "Found":
-        """Return that of `count` items that have not been differentiated."""
-        q, h, b, lb, ub = (np.zeros((count, size)) for size in (n, m, p, n, n))
-        sides, weak = np.zeros((count, m + n), np.int8), np.zeros(count, np.intp)
-        return cls(q, h, b, lb, ub, sides, weak, np.zeros(count, bool))
-
 
 def differentiate_items(
     items: Items,
@@ -66,7 +59,13 @@ def differentiate_items(
     parts = tuple(None if v is None else np.where(shown, v, 0.0) for v in cotangents)
     refuse_faults(parts)
     n, m, p = points.x.shape[1], points.z.shape[1], points.y.shape[1]
-    found, chosen = Found.zeros(which.size, n, m, p), np.flatnonzero(which)
+    count, chosen = which.size, np.flatnonzero(which)
+    found = Found(
+        *(np.zeros((count, size)) for size in (n, m, p, n, n)),
+        sides=np.zeros((count, m + n), np.int8),
+        weak=np.zeros(count, np.intp),
+        regular=np.zeros(count, bool),
+    )
     if items.shared.is_dense:
         given = (items.shared._asdict() | items.stacked).values()
         clean = (clean_copy(v, np.float64) for v in given)
@@ -90,9 +89,8 @@ def differentiate_items(
         for own, vector in zip(found, vectors, strict=False):
             own[i] = vector
         found.weak[i], found.regular[i] = derivative.weak, not derivative.singular
-        active, point = derivative.face.active, derivative.point
-        found.sides[i, active.rows], found.sides[i, m:] = 1, active.side
-        points.y[i], points.z[i] = point.y, point.z
+        found.sides[i] = derivative.held[p:]
+        _, points.y[i], points.z[i], _ = derivative.point
 
     on_threads(work, chosen.size, threads)
     return found, points

@@ -46,7 +46,6 @@ cdef class DenseItem:
 
 cdef int make_store(DenseItem m) except -1
 cdef void set_cotangents(DenseItem m, double** start, const Py_ssize_t* step, Py_ssize_t i) noexcept nogil
-cdef void set_gradients(DenseItem m, double* q, double* h, double* b, double* lb, double* ub) noexcept nogil
 cdef void mark_item(DenseItem m) noexcept nogil
 cdef bint serves(DenseActiveSet own, DenseItem m) noexcept nogil
 cdef bint factor(DenseItem m) noexcept nogil

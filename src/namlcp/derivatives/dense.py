@@ -111,10 +111,8 @@ class DenseItem:
         lb, ub = np.empty(n), np.empty(n)
         locate(cotangents, (n, p, m, n), 1, start, step)
         set_cotangents(self, start, step, 0)
-        set_gradients(
-            self, numbers(q, n), numbers(h, m), numbers(b, p), numbers(lb, n),
-            numbers(ub, n),
-        )  # fmt: skip
+        self.u, self.lam, self.nu = numbers(q, n), numbers(h, m), numbers(b, p)
+        self.lower, self.upper = numbers(lb, n), numbers(ub, n)
         if not are_finite(self):
             refuse_faults(cotangents)
         solve_item(self)
@@ -160,7 +158,8 @@ def differentiate_items(chosen, arrays, found):
             i = which[t]
             set_solved(cython.address(item.qp), start, step, i)
             set_cotangents(item, start + 12, step + 12, i)
-            set_gradients(item, q + i * n, h + i * m, b + i * p, lb + i * n, ub + i * n)
+            item.u, item.lam, item.nu = q + i * n, h + i * m, b + i * p
+            item.lower, item.upper = lb + i * n, ub + i * n
             mark_item(item)
             weak[i] = item.weak
             regular[i] = factor(item)
@@ -185,10 +184,6 @@ def set_cotangents(m, start, step, i):
     m.of_y = start[1] + i * step[1] if start[1] != cython.NULL else m.zero
     m.of_z = start[2] + i * step[2] if start[2] != cython.NULL else m.zero
     m.of_box = start[3] + i * step[3] if start[3] != cython.NULL else m.zero
-
-
-def set_gradients(m, q, h, b, lb, ub):
-    m.u, m.lam, m.nu, m.lower, m.upper = q, h, b, lb, ub
 
 
 def mark_item(m):

@@ -24,7 +24,13 @@ from typing import Any
 import numpy as np
 from scipy.sparse import vstack
 
-from namlcp.derivatives.face import active_sets, dependencies, signs
+from namlcp.derivatives.face import (
+    active_sets,
+    dependencies,
+    factored,
+    places_of,
+    signs,
+)
 from namlcp.derivatives.gradients import LCPTangent, QPTangent, right_sides
 from namlcp.derivatives.lcp import LCPDerivative
 from namlcp.derivatives.qp import QPDerivative
@@ -39,16 +45,18 @@ from namlcp.status import Status
 def qp_directional(derivative: QPDerivative, changes: dict[str, Any]) -> QPTangent:
     if not derivative.weak and not derivative.singular:
         return derivative.forward(changes)
-    qp, face, d = derivative.qp, derivative.face, derivative.direction(changes)
-    point = steepest(derivative, d)
-    side = face.whole.side
+    qp, d = derivative.qp, derivative.direction(changes)
+    _, whole, _ = active_sets(qp, derivative.solution)
+    point = steepest(derivative, whole, d)
     r, dh, db = right_sides(d, point)
-    (_, strict, strict_side), _, _ = active_sets(qp, point)
-    weak = np.setdiff1d(face.whole.rows, strict)
+    held, _, _ = active_sets(qp, point)
+    _, strict, _ = places_of(qp, held)
+    _, rows, _ = places_of(qp, whole)
+    weak, side = np.setdiff1d(rows, strict), whole[-r.size :]
     parts, b = (qp.A, qp.G[strict]), np.concatenate((db, dh[strict]))
     A = np.concatenate(parts) if qp.is_dense else vstack(parts, "csc")
     change = np.where(side < 0, d["lb"], d["ub"])
-    fixed = strict_side != 0
+    fixed = held[-r.size :] != 0
     lower = np.where(fixed | (side < 0), change, -np.inf)
     upper = np.where(fixed | (side > 0), change, np.inf)
     found = solved(qp.P, r, qp.G[weak], dh[weak], A, b, lower, upper)
@@ -60,7 +68,7 @@ def qp_directional(derivative: QPDerivative, changes: dict[str, Any]) -> QPTange
     dx, y, z, dz_box = found.point
     dz = np.zeros(qp.h.size)
     dz[weak], dz[strict] = z, y[db.size :]
-    return QPTangent(dx, y[: db.size], dz, dz_box, face.weak, face.singular)
+    return QPTangent(dx, y[: db.size], dz, dz_box, derivative.weak, derivative.singular)
 
 
 def solved(*arguments: Any) -> Outcome:
@@ -70,15 +78,15 @@ def solved(*arguments: Any) -> Outcome:
     return solve_checked(qp, DEFAULT_OPTIONS, NO_GUESS, perf_counter(), given=given)
 
 
-def steepest(derivative: QPDerivative, d: dict[str, Any]) -> Point:
+def steepest(derivative: QPDerivative, whole: np.ndarray, d: dict[str, Any]) -> Point:
     """Return the multipliers that maximise the derivative of the optimal value."""
-    qp, point, whole = derivative.qp, derivative.solution, derivative.face.whole
-    N = dependencies(qp, whole, whole.factors(qp).null_space)
+    qp, point = derivative.qp, derivative.solution
+    N = dependencies(qp, whole, factored(qp, whole).null_space)
     if not N.size:
         return point
     sign, value = signs(qp, whole), np.concatenate(point[1:])
     _, dh, db = right_sides(d, point)
-    change = np.where(whole.side < 0, d["lb"], d["ub"])
+    change = np.where(whole[-qp.q.size :] < 0, d["lb"], d["ub"])
     slope = np.concatenate((db, dh, change)) @ N
     zero, signed = np.zeros((slope.size, slope.size)), sign != 0
     G, h = -(sign[:, None] * N)[signed], np.maximum(sign * value, 0.0)[signed]

@@ -76,6 +76,13 @@ class RankTwo(NamedTuple):
         return first * b[:, None, :] + second * d[:, None, :]
 
 
+def formed(name: str) -> Any:
+    """Return the attribute that is the gradient in a matrix of this name."""
+    found = cached_property(lambda gradients: gradients.matrix(name))
+    found.__doc__ = f"The gradient in {name}."
+    return found
+
+
 @dataclass(eq=False)
 class QPGradients:
     """Gradients of a scalar in the data of a QP, from its gradient in the solution.
@@ -110,20 +117,7 @@ class QPGradients:
     matrix: Callable[[str], Any] = field(repr=False)
     """Returns the gradient in P, G or A by its name."""
 
-    @cached_property
-    def P(self) -> Any:
-        """The gradient in P."""
-        return self.matrix("P")
-
-    @cached_property
-    def G(self) -> Any:
-        """The gradient in G."""
-        return self.matrix("G")
-
-    @cached_property
-    def A(self) -> Any:
-        """The gradient in A."""
-        return self.matrix("A")
+    P, G, A = map(formed, "PGA")
 
 
 def change(name: str, value: Any, other: str, own: np.ndarray) -> np.ndarray:

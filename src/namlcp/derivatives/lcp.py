@@ -58,19 +58,18 @@ class LCPDerivative:
         side, self.weak_side = sides_of_lcp(q, lower, upper, slopes, z, w)
         self.strict_side = side
         self.weak = int(np.count_nonzero(self.weak_side) - np.count_nonzero(side))
-        self.hold(side)
-        self.singular = not self.factors.regular
-        if self.singular and self.weak:
-            self.hold(self.weak_side)
-
-    def hold(self, side: np.ndarray) -> None:
-        """Factor A_FF for the unknowns with side 0."""
-        self.side, self.free = side, np.flatnonzero(side == 0)
-        self.factors = factored(self.lcp.matrix, self.free)
+        self.singular = False
+        for held in (side, self.weak_side) if self.weak else (side,):
+            self.side, self.free = held, np.flatnonzero(held == 0)
+            self.factors = factored(lcp.matrix, self.free)
+            if self.factors.regular:
+                break
+            self.singular = True
 
     def backward(self, dz: Any, dw: Any) -> LCPGradients:
         A, free, side = self.lcp.A, self.free, self.side
-        gz, gw = self.vector("dz", dz), self.vector("dw", dw)
+        q = self.lcp.q
+        gz, gw = change("dz", dz, "q", q), change("dw", dw, "q", q)
         rho = np.where(side != 0, gw, 0.0)
         right = gz + rho @ A if rho.any() else gz
         rho[free] = self.factors.solve(-right[free], transposed=True)
@@ -93,13 +92,11 @@ class LCPDerivative:
         self, dA: Any, dq: Any, dlower: Any, dupper: Any
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return dA z + dq, dlower and dupper for a direction of the data."""
-        r = self.vector("dq", dq)
+        q = self.lcp.q
+        r = change("dq", dq, "q", q)
         if dA is not None:
             r = r + finite_matrix("dA", dA, "A", self.lcp.A.shape) @ self.z
-        return r, self.vector("dlower", dlower), self.vector("dupper", dupper)
-
-    def vector(self, name: str, value: Any) -> np.ndarray:
-        return change(name, value, "q", self.lcp.q)
+        return r, change("dlower", dlower, "q", q), change("dupper", dupper, "q", q)
 
 
 def factored(

@@ -37,14 +37,20 @@ Steps 1 and 2 are derivatives nearby: with the right-hand sides of the dropped r
 raised, x is still the solution, with the multipliers taken, and all is regular.
 """
 
-from functools import cached_property, partial
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from namlcp.checks import finite_matrix, vector
 from namlcp.derivatives.dense import DenseItem, refuse_faults
-from namlcp.derivatives.face import Face
+from namlcp.derivatives.face import (
+    active_sets,
+    dependencies,
+    factored,
+    independent,
+    places_of,
+)
 from namlcp.derivatives.gradients import (
     QPGradients,
     QPTangent,
@@ -52,6 +58,7 @@ from namlcp.derivatives.gradients import (
     product_of,
     right_sides,
 )
+from namlcp.linalg import add_transposed, times
 from namlcp.qp import QP, Point
 
 
@@ -66,6 +73,8 @@ class QPDerivative:
         A dense QP whose strictly active constraints have good Cholesky factors.
     point : Point
         The solution, with multipliers 0 of constraints that are not held.
+    held, factors : array, DenseFactors or KKTFactors
+        Else the sides of the constraints held, see `active_sets`, and the factors of K.
     weak : int
         How many constraints are active with a multiplier 0.
     singular : bool
@@ -91,13 +100,24 @@ class QPDerivative:
                 self.item, self.point = item, point
                 self.weak, self.singular = item.weak, False
                 return
-        face = self.face
-        self.point, self.weak, self.singular = face.point, face.weak, face.singular
+        self.hold()
 
-    @cached_property
-    def face(self) -> Face:
-        """The constraints held, and the factors of K."""
-        return Face(self.qp, self.solution)
+    def hold(self) -> None:
+        """Choose the constraints to hold, and factor K, as the module describes."""
+        qp, point = self.qp, self.solution
+        strict, whole, self.weak = active_sets(qp, point)
+        self.singular = False
+        for held in (strict, whole) if self.weak else (strict,):
+            self.held, self.point, self.factors = held, point, factored(qp, held)
+            if self.factors.regular:
+                break
+            self.singular = True
+            N = dependencies(qp, held, self.factors.null_space)
+            if N.size:
+                self.held, self.point = independent(qp, held, point, N)
+                self.factors = factored(qp, self.held)
+                if self.factors.regular:
+                    break
 
     def backward(self, dx: Any, dy: Any, dz: Any, dz_box: Any) -> QPGradients:
         given = (
@@ -123,7 +143,26 @@ class QPDerivative:
         refuse_faults(cotangents)
         pairs = zip(cotangents, self.solution, strict=True)
         given = (np.zeros(own.size) if v is None else v for v, own in pairs)
-        return self.face.backward(tuple(given)), ()
+        gx, gy, gz, gz_box = given
+        P, _, G, _, A = self.qp[:5]
+        equalities, rows, free = places_of(self.qp, self.held)
+        side = self.held[gy.size + gz.size :]
+        held = side != 0
+        u, lam, nu = held * gz_box, np.zeros(gz.size), np.zeros(gy.size)
+        right = gx, gy, gz
+        if u.any():
+            right = gx - times(P, u), gy - times(A, u), gz - times(G, u)
+        places = free, equalities, rows
+        v = self.factors.solve(
+            np.concatenate([w[at] for w, at in zip(right, places, strict=True)])
+        )
+        n, p = free.size, equalities.size
+        u[free], nu[equalities], lam[rows] = v[:n], v[n : n + p], v[n + p :]
+        terms = times(P, u)
+        add_transposed(G, lam, terms)
+        add_transposed(A, nu, terms)
+        mu = held * (gx - terms)
+        return (0.0 - u, lam, nu, (side < 0) * mu, (side > 0) * mu), ()
 
     def matrix(self, vectors: tuple[np.ndarray, ...], name: str) -> Any:
         """Return the gradient in P, G or A in the form of the user's matrix."""
@@ -139,7 +178,7 @@ class QPDerivative:
         """
         d = self.direction(changes)
         r, dh, db = right_sides(d, self.point)
-        side = self.face.active.side if self.item is None else self.solution.z_box
+        side = self.solution.z_box if self.item else self.held[-d["q"].size :]
         moved = np.where(side > 0, d["ub"], d["lb"])  # read where x_j is held
         (q, h, b, lb, ub), _ = self.solve((-r, db, dh, moved))
         return QPTangent(0.0 - q, b, h, lb + ub, self.weak, self.singular)
