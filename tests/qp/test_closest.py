@@ -241,6 +241,10 @@ def test_known_answers(name, form):
     found = relaxed(FORMS[form](qp), infeasible=choice)
     assert found.status is known.get("status", Status.SOLVED)
     assert known.get("message", "") in found.message
+    if qp is FALLING:  # the shifts are those of a point, x is the ray
+        assert found.shift_h.sum() == pytest.approx(3.0, abs=1e-9)
+    sizes = [getattr(found, part).size for part in ("x", "y", "z", "z_box")]
+    assert sizes == [qp.q.size, qp.b.size, qp.h.size, qp.q.size]
     if found.status is Status.SOLVED:
         assert found.message == ""
     for part in ("x", "shift_h", "shift_b", "shift_lb", "shift_ub", "obj"):

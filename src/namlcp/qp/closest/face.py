@@ -22,7 +22,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
-from namlcp.linalg import add_transposed, times
+from namlcp.checks import from_arrays
+from namlcp.linalg import times
 from namlcp.outcome import Outcome
 from namlcp.qp.closest.rows import (
     ROUNDING,
@@ -31,7 +32,6 @@ from namlcp.qp.closest.rows import (
     largest,
     least_shifts,
     scattered,
-    times_signs,
 )
 from namlcp.qp.problem import QP, Point
 from namlcp.status import Status
@@ -68,7 +68,7 @@ class Face(NamedTuple):
         """
         C, one_sided, fixed = self.rows.C, ~self.rows.is_equality, self.v_box != 0.0
         forces = np.abs(self.v) * times(abs(C), np.ones(fixed.size))
-        noisy = (self.sense == 0) & (forces <= np.abs(self.residual()).sum())
+        noisy = (self.sense == 0) & (forces <= np.abs(C.T @ self.v + self.v_box).sum())
         sense = np.where(one_sided & noisy, 1, self.sense)
         v, held = np.where(one_sided & (sense == 1), 0.0, self.v), sense == 0
         size = largest(v)  # of multipliers 1 the errors are relative ones
@@ -78,32 +78,25 @@ class Face(NamedTuple):
         if found.status is not Status.SOLVED:
             return None
         v[held] = size * found.point.x
-        rest = self._replace(v=v).residual()
-        return face_of(self.rows, self.x, v, np.where(fixed, self.v_box - rest, 0.0))
-
-    def residual(self) -> np.ndarray:
-        """Return C'v + v_box, which is 0 but for the errors of stage 1."""
-        out = self.v_box.copy()
-        add_transposed(self.rows.C, self.v, out)
-        return out
+        return face_of(self.rows, self.x, v, np.where(fixed, -(C.T @ v), 0.0))
 
     def problem(self, qp: QP) -> QP:
         """Return the QP of stage 2."""
-        C, d = self.rows.C, self.rows.d + self.r
-        bounded, equal = self.bounded, self.held
-        sense = self.sense[bounded]
-        G, h = chosen(C, bounded), d[bounded]
+        C, d, equal = self.rows.C, self.rows.d + self.r, self.held
+        bounded = np.flatnonzero(self.sense)
+        sense, G, h = self.sense[bounded], chosen(C, bounded), d[bounded]
         if (sense < 0).any():
-            G, h = times_signs(sense, G), sense * h
+            h = sense * h
+            if isinstance(G, np.ndarray):
+                G = sense[:, None] * G
+            else:
+                turned = G.indptr, G.indices, sense[G.indices] * G.data
+                G = from_arrays(turned, G.shape)
         return QP(qp.P, qp.q, G, h, chosen(C, equal), d[equal], self.lb, self.ub)
 
     @property
     def held(self) -> np.ndarray:
         return np.flatnonzero(self.sense == 0)
-
-    @property
-    def bounded(self) -> np.ndarray:
-        return np.flatnonzero(self.sense)
 
     @property
     def shifted(self) -> np.ndarray:
@@ -112,7 +105,7 @@ class Face(NamedTuple):
     def spread(self, of_held: np.ndarray, of_bounded: np.ndarray) -> np.ndarray:
         """Return values of the held rows and of the others as values of all rows."""
         out = np.empty(self.v.size)
-        out[self.held], out[self.bounded] = of_held, of_bounded
+        out[self.sense == 0], out[self.sense != 0] = of_held, of_bounded
         return out
 
     def least_shifts(self, x: np.ndarray) -> tuple[QP, Point]:
@@ -136,12 +129,12 @@ class Face(NamedTuple):
 
     def shifts(self, x: np.ndarray) -> np.ndarray:
         """Return the shifts of d for an x of the face."""
-        r = np.where(self.moves, times(self.rows.C, x) - self.rows.d, self.r)
-        return np.where(self.rows.is_equality, r, np.maximum(r, 0.0))
+        return np.where(self.moves, self.rows.violations(x), self.r)
 
     def point(self, found: Point) -> Point:
         """Return the point of stage 2 as one of the shifted user's QP."""
-        v, v_box = self.spread(found.y, self.sense[self.bounded] * found.z), found.z_box
+        v, v_box = self.spread(found.y, found.z), found.z_box
+        v = np.where(self.sense < 0, -v, v)
         signed = ~self.rows.is_equality & (self.sense != 1)  # where v >= 0 is at stake
         fixed = self.v_box != 0.0
         k = max(
@@ -167,16 +160,15 @@ def least_change(C: Any, held: np.ndarray, free: np.ndarray, v: np.ndarray) -> Q
 def face_of(rows: Rows, x: np.ndarray, v: np.ndarray, v_box: np.ndarray) -> Face:
     """Return the face that a solution of stage 1 describes: x, and the multipliers."""
     equality, zero = rows.is_equality, AT_LIMIT * largest(v, v_box)
-    unmatched = v_box.copy()
-    add_transposed(rows.C, v, unmatched)
-    zero_box, r = max(zero, largest(unmatched)), np.zeros(v.size)
+    zero_box, r = max(zero, largest(rows.C.T @ v + v_box)), np.zeros(v.size)
     if rows.norm == 2:
-        noise, forces = rows.rounding(x)
-        zero, zero_box = np.maximum(zero, noise), np.maximum(zero_box, forces)
+        noise, sums = rows.rounding(x)
+        zero, zero_box = np.maximum(zero, noise), np.maximum(zero_box, sums)
         # r is as exact as C x - d, whose error times w is `noise`, or as v / w
         by_v = noise > ROUNDING * largest(v)
         r = np.where(np.isfinite(rows.weights), rows.violations(x), 0.0)
-        r[by_v] = v[by_v] / rows.weights[by_v]
+        forces = np.where(equality, v, np.maximum(v, 0.0))
+        r[by_v] = forces[by_v] / rows.weights[by_v]
     ceiling = rows.weights if rows.norm == 1 else np.full(v.size, np.inf)
     at_floor = v <= np.where(equality, -ceiling, 0.0) + zero
     at_ceiling = v >= ceiling - zero

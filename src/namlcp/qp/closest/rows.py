@@ -180,12 +180,6 @@ def chosen(C: Any, rows: np.ndarray, columns: np.ndarray | None = None) -> Any:
     return submatrix(C, rows, np.arange(C.shape[1]) if columns is None else columns)
 
 
-def times_signs(sense: np.ndarray, C: Any) -> Any:
-    if isinstance(C, np.ndarray):
-        return sense[:, None] * C
-    return from_arrays((C.indptr, C.indices, sense[C.indices] * C.data), C.shape)
-
-
 def largest(*vectors: np.ndarray) -> float:
     """Return the largest modulus of all entries, 0 for none."""
     return max(float(np.abs(v).max(initial=0.0)) for v in vectors)

@@ -1,6 +1,7 @@
 """Both stages, and the judgement of what they find on the user's own data."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -23,7 +24,7 @@ STAGE_TOLERANCES = 1e-9, 1e-13
 digits of multipliers. A looser eps_rel leaves products of multipliers and slacks of
 1e-6 and more where objectives are large, and takes the same time."""
 
-FINEST = 1e-11, 1e-15
+FINEST = {"eps_abs": 1e-11, "eps_rel": 1e-15}
 """The same where stage 2 fails on what stage 1 says is active: many multipliers and
 slacks that both vanish are left near the square root of their products."""
 
@@ -62,12 +63,8 @@ class Nearest(NamedTuple):
     stages: tuple[Face, QP, Point] | None = None
 
 
-class StageOne(NamedTuple):
-    """The rows, the answer of stage 1, and all its solutions if it is solved."""
-
-    rows: Rows
-    answer: Outcome
-    face: Face | None
+StageOne = tuple[Rows, Outcome, Face | None]
+"""The rows, the answer of stage 1, and all its solutions if it is solved."""
 
 
 def nearest(
@@ -82,20 +79,22 @@ def nearest(
     `solve` solves both stages, each under the same limits; `stage` is the first, if it
     has been solved before.
     """
-    stage = stage or stage_one(rows_of(qp, relaxation), limits, solve)
-    rows, (status, point, *_), face = stage
+    exactly = partial(solve_exactly, limits=limits, solve=solve)
+    rows, answer, face = stage or stage_one(rows_of(qp, relaxation), exactly)
     if face is None:
-        x, message = point.x[: qp.q.size], stage.answer.message
+        x, status, message = answer.point.x[: qp.q.size], answer.status, answer.message
         if status is Status.PRIMAL_INFEASIBLE:
             r, message = np.full(rows.d.size, np.nan), NO_NEAREST + message
         else:
             r, message = rows.violations(x), NOT_LEAST.format(status.value) + message
-        return reported(qp, rows, unknown(rows, x), r, status, message)
-    found = least_cost(qp, face, limits, solve)
-    for sharpened in (balanced, solved_finer) if found.status is Status.STALLED else ():
-        sharper = sharpened(face, limits, solve)
+        return reported(qp, rows, x, r, status, message)
+    found = least_cost(qp, face, limits, exactly)
+    finer = partial(solve_exactly, limits=limits._replace(**FINEST), solve=solve)
+    tries = (lambda: face.refined(exactly)), (lambda: stage_one(rows, finer)[-1])
+    for sharpened in tries if found.status is Status.STALLED else ():
+        sharper = sharpened()
         if sharper is not None:
-            other = least_cost(qp, sharper, limits, solve)
+            other = least_cost(qp, sharper, limits, exactly)
             if other.status in (Status.SOLVED, Status.DUAL_INFEASIBLE):
                 return other
     return found
@@ -108,32 +107,20 @@ def contradiction(
 
     They are as exact as rounding allows, and not yet tested: see `namlcp.qp.judge`.
     """
-    stage = stage_one(rows_of(qp, Relaxation()), limits, solve)
-    if stage.face is None:
+    exactly = partial(solve_exactly, limits=limits, solve=solve)
+    rows, _, face = stage = stage_one(rows_of(qp, Relaxation()), exactly)
+    if face is None:
         return None, stage
-    face = balanced(stage.face, limits, solve) or stage.face
-    return face.rows.point(face.x, face.v, face.v_box), stage
+    face = face.refined(exactly) or face
+    return rows.point(face.x, face.v, face.v_box), stage
 
 
-def stage_one(rows: Rows, limits: Limits, solve: Solve) -> StageOne:
-    answer, n = solve_exactly(least_shifts(rows), limits, solve), rows.lb.size
+def stage_one(rows: Rows, exactly: Callable[[QP], Outcome]) -> StageOne:
+    answer, n = exactly(least_shifts(rows)), rows.lb.size
     if answer.status is not Status.SOLVED:
-        return StageOne(rows, answer, None)
+        return rows, answer, None
     x, y, z, z_box = answer.point
-    face = face_of(rows, x[:n], np.concatenate((z, y)), z_box[:n])
-    return StageOne(rows, answer, face)
-
-
-def balanced(face: Face, limits: Limits, solve: Solve) -> Face | None:
-    """Return a face with multipliers that balance to rounding, if that is done."""
-    return face.refined(lambda qp: solve_exactly(qp, limits, solve))
-
-
-def solved_finer(face: Face, limits: Limits, solve: Solve) -> Face | None:
-    """Return the face of stage 1 solved to FINEST, if that is done."""
-    eps_abs, eps_rel = FINEST
-    finer = limits._replace(eps_abs=eps_abs, eps_rel=eps_rel)
-    return stage_one(face.rows, finer, solve).face
+    return rows, answer, face_of(rows, x[:n], np.concatenate((z, y)), z_box[:n])
 
 
 def solve_exactly(
@@ -147,44 +134,57 @@ def solve_exactly(
     return answer
 
 
-def least_cost(qp: QP, face: Face, limits: Limits, solve: Solve) -> Nearest:
+def least_cost(
+    qp: QP, face: Face, limits: Limits, exactly: Callable[..., Outcome]
+) -> Nearest:
     rows, x, easier = face.rows, face.x, face.problem(qp)
     # The rows active at x are those of the solution only if they leave x no freedom.
     settled = face.held.size + np.count_nonzero(face.v_box) >= x.size
     guess = make_guess(easier, x, None) if settled else NO_GUESS
-    second = solve_exactly(easier, limits, solve, guess)
+    second, multipliers = exactly(easier, guess=guess), None
     status, message = second.status, second.message
+    r = face.shifts(x)
     if status is Status.DUAL_INFEASIBLE:
-        return reported(qp, rows, second.point, face.shifts(x), status, message)
-    if status is Status.SOLVED:
-        point, r = face.point(second.point), face.shifts(second.point.x)
-        found = reported(qp, rows, point, r, status, message)
-        residuals = found.residuals
-        if residuals.solved(*limits.tolerances):
-            return found._replace(stages=(face, easier, second.point))
-        if residuals._replace(dual=0.0, gap=0.0).solved(*limits.tolerances):
-            x = found.x
-        message = UNPROVED.format(*residuals[:3]) + message
+        x = second.point.x
+    elif status is Status.SOLVED:
+        x, *multipliers = face.point(second.point)
+        r = face.shifts(x)
     else:
         message = NOT_MINIMISED.format(status.value) + message
-    if status not in (Status.TIME_LIMIT, Status.MAX_ITER):
-        status = Status.STALLED
-    return reported(qp, rows, unknown(rows, x), face.shifts(x), status, message)
-
-
-def unknown(rows: Rows, x: np.ndarray) -> Point:
-    """Return x with multipliers that are NaN."""
-    v, v_box = np.full(rows.d.size, np.nan), np.full(x.size, np.nan)
-    return rows.point(x, v, v_box)
+        if status not in (Status.TIME_LIMIT, Status.MAX_ITER):
+            status = Status.STALLED
+    found = reported(qp, rows, x, r, status, message, multipliers)
+    residuals = found.residuals
+    if status is not Status.SOLVED:
+        return found
+    if residuals.solved(*limits.tolerances):
+        return found._replace(stages=(face, easier, second.point))
+    if not residuals._replace(dual=0.0, gap=0.0).solved(*limits.tolerances):
+        x, r = face.x, face.shifts(face.x)
+    message = UNPROVED.format(*residuals[:3]) + message
+    return reported(qp, rows, x, r, Status.STALLED, message)
 
 
 def reported(
-    qp: QP, rows: Rows, point: Point, r: np.ndarray, status: Status, message: str
+    qp: QP,
+    rows: Rows,
+    x: np.ndarray,
+    r: np.ndarray,
+    status: Status,
+    message: str,
+    multipliers: Sequence[np.ndarray] | None = None,
 ) -> Nearest:
-    """Return a point and shifts of the rows as the user wants them, with residuals."""
+    """Return a point and shifts of the rows as the user wants them, with residuals.
+
+    Without multipliers, which a solution has, these and the residuals are NaN.
+    """
     h, b, lb, ub = rows.shifts(r)
     shifted = qp._replace(h=qp.h + h, b=qp.b + b, lb=qp.lb + lb, ub=qp.ub + ub)
-    solved = status is Status.SOLVED
-    residuals = qp_residuals(*shifted, *point) if solved else UNDEFINED
-    shifts, message = (h, b, lb, ub), message.strip()
-    return Nearest(status, *point, residuals, *shifts, rows.norm, message)
+    if multipliers is None:
+        y, z, z_box = (np.full(v.size, np.nan) for v in (qp.b, qp.h, qp.q))
+        residuals = UNDEFINED
+    else:
+        y, z, z_box = multipliers
+        residuals = qp_residuals(*shifted, x, y, z, z_box)
+    norm, message = rows.norm, message.strip()
+    return Nearest(status, x, y, z, z_box, residuals, h, b, lb, ub, norm, message)
