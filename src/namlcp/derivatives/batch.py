@@ -60,12 +60,9 @@ def differentiate_items(
     refuse_faults(parts)
     n, m, p = points.x.shape[1], points.z.shape[1], points.y.shape[1]
     count, chosen = which.size, np.flatnonzero(which)
-    found = Found(
-        *(np.zeros((count, size)) for size in (n, m, p, n, n)),
-        sides=np.zeros((count, m + n), np.int8),
-        weak=np.zeros(count, np.intp),
-        regular=np.zeros(count, bool),
-    )
+    q, h, b, lb, ub = (np.zeros((count, size)) for size in (n, m, p, n, n))
+    sides, weak = np.zeros((count, m + n), np.int8), np.zeros(count, np.intp)
+    found = Found(q, h, b, lb, ub, sides, weak, np.zeros(count, bool))
     if items.shared.is_dense:
         given = (items.shared._asdict() | items.stacked).values()
         clean = (clean_copy(v, np.float64) for v in given)
