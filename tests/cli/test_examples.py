@@ -13,7 +13,7 @@ def test_examples_are_solved_and_drawn(name, tmp_path, capsys):
     picture = tmp_path / "picture.png"
     assert main(["example", name, "--picture", str(picture)]) == 0
     assert picture.stat().st_size > 10_000
-    assert EXAMPLES[name].title in capsys.readouterr().out
+    assert EXAMPLES[name][0] in capsys.readouterr().out
 
 
 def test_an_example_needs_no_matplotlib(capsys, monkeypatch):

@@ -4,6 +4,7 @@ Without a command: four scenes, beside OSQP if it is installed.
 """
 
 import argparse
+import inspect
 import json
 import os
 import platform
@@ -18,7 +19,7 @@ import qpsolvers
 
 import namlcp
 from namlcp.cli.demonstration import compare, demonstrate
-from namlcp.cli.examples import EXAMPLES, show_example, source
+from namlcp.cli.examples import EXAMPLES, show_example
 from namlcp.cli.files import read_problem
 from namlcp.options import RELAXATIONS, Options
 
@@ -188,6 +189,6 @@ def main(arguments: list[str] | None = None) -> int:
     if command == "solve":
         return solve_file(args.pop("file"), args)
     if args["source"]:
-        print(source(args["name"]), end="")
+        print(inspect.getsource(EXAMPLES[args["name"]][1]), end="")
         return 0
     return show_example(args["name"], args["picture"])

@@ -4,34 +4,19 @@ A module has `run`, which solves, prints what came out and returns a record, and
 which draws the record into a figure of matplotlib.
 """
 
-import inspect
 from importlib.util import find_spec
-from types import ModuleType
-from typing import NamedTuple
 
 from namlcp.cli.examples import discs, frontier, lasso, membrane, pendulum, tuning
 
-
-class Example(NamedTuple):
-    """What is said of an example, and where it is."""
-
-    title: str
-    module: ModuleType
-
-
 EXAMPLES = {
-    "mpc": Example("a pendulum on a cart, controlled", pendulum),
-    "frontier": Example("an efficient frontier", frontier),
-    "lasso": Example("the path of the lasso", lasso),
-    "discs": Example("discs that fall, with friction", discs),
-    "membrane": Example("a membrane over a ball", membrane),
-    "tuning": Example("a penalty by its gradient", tuning),
+    "mpc": ("a pendulum on a cart, controlled", pendulum),
+    "frontier": ("an efficient frontier", frontier),
+    "lasso": ("the path of the lasso", lasso),
+    "discs": ("discs that fall, with friction", discs),
+    "membrane": ("a membrane over a ball", membrane),
+    "tuning": ("a penalty by its gradient", tuning),
 }
-
-
-def source(name: str) -> str:
-    """Return the code of an example."""
-    return inspect.getsource(EXAMPLES[name].module)
+"""By name: the title, and the module."""
 
 
 def show_example(name: str, picture: str | None) -> int:
