@@ -11,7 +11,7 @@ PyTorch. That for JAX fails in cvxpylayers 1.2.0 for every solver interface of t
 own ``Problem.backward`` admits no other solver than DIFFCP.
 """
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -23,24 +23,6 @@ from namlcp.status import Status
 
 OTHER_CONES = "exp", "soc", "psd", "p3d", "pnd"
 """The fields of CVXPY's cone dimensions for which a problem is not a QP."""
-
-
-class Part(NamedTuple):
-    """A block of a matrix in CSC: its pattern, and the places of its values."""
-
-    indices: np.ndarray
-    indptr: np.ndarray
-    shape: tuple[int, int]
-    places: np.ndarray
-
-    def matrix(self, values: np.ndarray) -> sp.csc_array:
-        """Return the block of a matrix with these values."""
-        parts = values[self.places], self.indices, self.indptr
-        return sp.csc_array(parts, shape=self.shape)
-
-    def vector(self, values: np.ndarray) -> np.ndarray:
-        """Return a block of one column."""
-        return self.matrix(values).toarray().ravel()
 
 
 class NAM(SolverInterface):
@@ -80,12 +62,14 @@ class NAM(SolverInterface):
             )
         rows = numbered(context.reduced_A.problem_data_index)
         n = rows.shape[1] - 1
-        self.A, self.G = block(rows[: dims.zero, :n]), block(rows[dims.zero :, :n])
-        self.b, self.h = block(rows[: dims.zero, n:]), block(rows[dims.zero :, n:])
+        self.A, self.G = rows[: dims.zero, :n], rows[dims.zero :, :n]
+        self.b, self.h = rows[: dims.zero, n:], rows[dims.zero :, n:]
         self.entries = rows.nnz
         pattern = context.reduced_P
         squares = None if pattern is None else pattern.problem_data_index
-        self.P = block(sp.csc_array((n, n)) if squares is None else numbered(squares))
+        self.P = (
+            sp.csc_array((n, n), dtype=int) if squares is None else numbered(squares)
+        )
 
     def solve_numpy(
         self,
@@ -98,12 +82,12 @@ class NAM(SolverInterface):
     ) -> tuple[np.ndarray, np.ndarray, QPResult]:
         """Return x, (y, z) and the result, for values on the patterns."""
         result = solve_qp(
-            self.P.matrix(np.empty(0) if P is None else P),
+            filled(self.P, np.empty(0) if P is None else P),
             q[:-1],
-            -self.G.matrix(A),
-            self.h.vector(A),
-            -self.A.matrix(A),
-            self.b.vector(A),
+            -filled(self.G, A),
+            filled(self.h, A).toarray(),
+            -filled(self.A, A),
+            filled(self.b, A).toarray(),
             **solver_args,
         )
         if result.status is not Status.SOLVED:
@@ -119,22 +103,22 @@ class NAM(SolverInterface):
         p = saved_state.y.size
         found = saved_state.backward(dx=dprimal, dy=ddual[:p], dz=ddual[p:])
         rows = np.zeros(self.entries)
-        rows[self.G.places], rows[self.A.places] = -found.G.data, -found.A.data
-        rows[self.h.places] = found.h[self.h.indices]
-        rows[self.b.places] = found.b[self.b.indices]
-        dP = found.P.data if self.P.places.size else None
+        rows[self.G.data - 1], rows[self.A.data - 1] = -found.G.data, -found.A.data
+        rows[self.h.data - 1] = found.h[self.h.indices]
+        rows[self.b.data - 1] = found.b[self.b.indices]
+        dP = found.P.data if self.P.nnz else None
         return dP, np.append(found.q, 0.0), rows
 
 
 def numbered(pattern: tuple[Any, Any, Any]) -> sp.csc_array:
     """Return a matrix with a pattern (indices, indptr, shape) and values 1, 2, ..."""
     indices, indptr, shape = pattern
-    return sp.csc_array((np.arange(1, indices.size + 1), indices, indptr), shape=shape)
+    M = sp.csc_array((np.arange(1, indices.size + 1), indices, indptr), shape=shape)
+    M.sort_indices()
+    return M
 
 
-def block(numbers: sp.csc_array) -> Part:
-    """Return a block of a numbered matrix."""
-    numbers.sort_indices()
-    return Part(
-        numbers.indices, numbers.indptr, numbers.shape, numbers.data.astype(int) - 1
-    )
+def filled(numbers: sp.csc_array, values: np.ndarray) -> sp.csc_array:
+    """Return a block of a numbered matrix with the values of these numbers."""
+    parts = values[numbers.data - 1], numbers.indices, numbers.indptr
+    return sp.csc_array(parts, shape=numbers.shape)
