@@ -16,12 +16,13 @@ differentiated again, any number of times, in both modes, under vmap and jit.
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from namlcp.results import QPSolution
 from namlcp.stack import AXES, Stack
 
 SHIFT = 0.6
@@ -31,21 +32,6 @@ unit of the type, so that a singular one has factors; refinement takes it back."
 REFINEMENTS = 3
 """Steps of refinement; each divides the error by the least singular value of K, scaled
 to rows of size 1, over the shift."""
-
-
-class QPSolution(NamedTuple):
-    """Solutions of QPs, named as in `namlcp.QPResult`.
-
-    x, y, z, z_box : (n,), (p,), (m,), (n,) array
-        NaN where the QP is not solved.
-    solved : () array of bool
-    """
-
-    x: jax.Array
-    y: jax.Array
-    z: jax.Array
-    z_box: jax.Array
-    solved: jax.Array
 
 
 def solve_qp(
@@ -58,7 +44,7 @@ def solve_qp(
     lb: Any = None,
     ub: Any = None,
     **settings: Any,
-) -> QPSolution:
+) -> QPSolution[jax.Array]:
     """Solve a convex QP so that JAX can differentiate its solution.
 
     ``minimise 1/2 x'Px + q'x  subject to  Gx <= h,  Ax = b,  lb <= x <= ub``

@@ -5,10 +5,10 @@ A result keeps the problem by reference, and is differentiated when it is asked.
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, is_dataclass
-from functools import cached_property, partial
+from functools import partial
 from operator import index
 from time import perf_counter
-from typing import Any
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -52,6 +52,7 @@ CHANGED = (
     "derivatives need the arrays as they were when the problem was solved: one has "
     "been changed in place since (pass a copy to the solve)"
 )
+Array = TypeVar("Array")
 SHORT = 8
 """Most entries of an array that is printed in full."""
 
@@ -64,45 +65,14 @@ class Public(type):
 
     PUBLIC: tuple[str, ...] = ()
 
+    def __new__(kind, name: str, bases: Any, parts: dict[str, Any]) -> Any:
+        """Let `dir` show of an object what it shows of the class."""
+        names = {"__dir__": lambda one: dir(type(one))}
+        return super().__new__(kind, name, bases, parts | names)
+
     def __dir__(cls) -> list[str]:
         names = (name for name in super().__dir__() if name.startswith("__"))
         return sorted({*names, *data_of(cls), *cls.PUBLIC})
-
-
-class Shown(metaclass=Public):
-    """An object of which `dir` shows what it shows of the class."""
-
-    __slots__ = ()
-
-    def __dir__(self) -> list[str]:
-        return dir(type(self))
-
-
-class Single(Shown):
-    """The result of one problem."""
-
-    __slots__ = ()
-    status: Status
-
-    @property
-    def found(self) -> bool:
-        """Whether the status is SOLVED; ``if result:`` asks the same."""
-        return self.status is Status.SOLVED
-
-    def __bool__(self) -> bool:
-        return self.status is Status.SOLVED
-
-    def __repr__(self) -> str:
-        return described(self)
-
-
-class Differentiable:
-    """A result that keeps its problem by reference, for its derivatives."""
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Leave the problem and the factors behind, in a pickle and in a copy."""
-        left = "problem", "stamp", "kept"  # the first two are None then
-        return {name: v for name, v in vars(self).items() if name not in left}
 
 
 def data_of(kind: Any) -> tuple[str, ...]:
@@ -137,6 +107,27 @@ def described(result: Any) -> str:
         elif value not in (None, ""):
             lines.append(f"{name} = {str(value).splitlines()[0]}")
     return "\n    ".join((f"{type(result).__name__}: {', '.join(head)}", *lines))
+
+
+class Single(metaclass=Public):
+    """The result of one problem, kept by reference for the derivatives."""
+
+    __slots__ = ()
+    __repr__ = described
+    status: Status
+
+    @property
+    def found(self) -> bool:
+        """Whether the status is SOLVED; ``if result:`` asks the same."""
+        return self.status is Status.SOLVED
+
+    def __bool__(self) -> bool:
+        return self.status is Status.SOLVED
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave the problem and the factors behind, in a pickle and in a copy."""
+        left = "problem", "stamp", "kept"  # the first two are None then
+        return {name: v for name, v in vars(self).items() if name not in left}
 
 
 class LCPResult(Single, LCPResultBase):
@@ -477,7 +468,7 @@ class QPResult(Single, ResultBase):
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class ClosestPoint(Differentiable, Single):
+class ClosestPoint(Single):
     """The solution of the feasible problem nearest to an infeasible QP.
 
     That problem has the sides h + shift_h, b + shift_b, lb + shift_lb and ub +
@@ -580,19 +571,17 @@ class ClosestPoint(Differentiable, Single):
             raise ValueError(
                 f"derivatives need shifts of norm 2, got those of norm {self.norm}"
             )
-        (qp, _), *_ = problem_of(self)
+        (qp, given), *stages = problem_of(self)
         if self.stamp != stamp_of(qp):
             raise ValueError(CHANGED)
-        return self.kept
-
-    @cached_property
-    def kept(self) -> ClosestDerivative:
-        """The same, made once."""
-        return ClosestDerivative(*problem_of(self))
+        own = vars(self)
+        if "kept" not in own:
+            own["kept"] = ClosestDerivative((qp, given), *stages)
+        return own["kept"]
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class BatchResult(Differentiable, Shown):
+class BatchResult(metaclass=Public):
     """Result of `solve_batch` for N items; ``batch[i]`` is the `QPResult` of item i.
 
     Attributes
@@ -702,8 +691,8 @@ class BatchResult(Differentiable, Shown):
     def __bool__(self) -> bool:
         raise TypeError("a batch is not true or false: ask batch.solved.all(), or len")
 
-    def __repr__(self) -> str:
-        return described(self)
+    __repr__ = described
+    __getstate__ = Single.__getstate__
 
     def __iter__(self) -> Iterator[QPResult]:
         return map(self.__getitem__, range(len(self)))
@@ -729,6 +718,21 @@ class BatchResult(Differentiable, Shown):
             closest=self.closest.get(number),
             problem=self.problem and partial(unchanged_item, self.problem, number),
         )
+
+
+class QPSolution(NamedTuple, Generic[Array]):
+    """Solutions of QPs in another package's arrays, named as in `QPResult`.
+
+    x, y, z, z_box : (..., n), (..., p), (..., m), (..., n) tensor or array
+        NaN where a QP is not solved.
+    solved : (...) tensor or array of bool
+    """
+
+    x: Array
+    y: Array
+    z: Array
+    z_box: Array
+    solved: Array
 
 
 def unchanged_item(items: Items, i: int) -> Any:

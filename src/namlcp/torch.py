@@ -4,27 +4,13 @@
 tensors are, and returns tensors of their type and device.
 """
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import torch
 
+from namlcp.results import QPSolution
 from namlcp.stack import Stack
-
-
-class QPSolution(NamedTuple):
-    """Solutions of a stack of QPs, named as in `namlcp.QPResult`.
-
-    x, y, z, z_box : (..., n), (..., p), (..., m), (..., n) tensor
-        NaN where an item is not solved.
-    solved : (...) tensor of bool
-    """
-
-    x: torch.Tensor
-    y: torch.Tensor
-    z: torch.Tensor
-    z_box: torch.Tensor
-    solved: torch.Tensor
 
 
 def solve_qp(
@@ -37,7 +23,7 @@ def solve_qp(
     lb: torch.Tensor | None = None,
     ub: torch.Tensor | None = None,
     **settings: Any,
-) -> QPSolution:
+) -> QPSolution[torch.Tensor]:
     """Solve convex QPs so that autograd can differentiate their solutions.
 
     ``minimise 1/2 x'Px + q'x  subject to  Gx <= h,  Ax = b,  lb <= x <= ub``

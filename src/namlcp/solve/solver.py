@@ -5,13 +5,13 @@ from typing import Any
 
 from namlcp.options import check_flag
 from namlcp.qp import QPSequence, factors_of, make_guess, step
-from namlcp.results import QPResult, Shown, qp_result
+from namlcp.results import Public, QPResult, qp_result
 from namlcp.status import Status
 
 SOLVED = Status.SOLVED
 
 
-class Solver(Shown, QPSequence):
+class Solver(QPSequence, metaclass=Public):
     """A convex QP that is solved again and again, with other vectors or values.
 
     ``minimise 1/2 x'Px + q'x  subject to  Gx <= h,  Ax = b,  lb <= x <= ub``
