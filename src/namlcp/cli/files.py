@@ -53,7 +53,9 @@ def npz_problem(path: str) -> Any:
             bound(sum(archive.getinfo(f"{name}.npy").file_size for name in found))
             lcp = {name: read_array(archive, arrays, name) for name in found}
             return lcp["A"], lcp["q"], lcp.get("lower"), lcp.get("upper")
-        require([name for name in ("P", "q") if name not in arrays], "qpsolvers")
+        for name in ("P", "q"):
+            if name not in arrays:
+                raise ValueError(f"it holds no {name}: not a qpsolvers problem")
         names = [name for name in QP._fields if name in arrays]
         bound(sum(archive.getinfo(f"{name}.npy").file_size for name in names))
         data = {name: read_array(archive, arrays, name) for name in names}
@@ -94,7 +96,9 @@ def read_mat(path: str) -> dict[str, Any]:
     bound(unpacked_size(path))
     listed = whosmat(path)
     found = {name: (s, kind) for name, s, kind in listed if name in MAT_NAMES}
-    require([name for name in MAT_NAMES if name not in found], "Maros-Meszaros")
+    for name in MAT_NAMES:
+        if name not in found:
+            raise ValueError(f"it holds no {name}: not a Maros-Meszaros problem")
     dense = [s for n, (s, kind) in found.items() if n in "qlu" or kind != "sparse"]
     bound(sum(8 * math.prod(shape) for shape in dense))
     bound(sum(8 * sum(s) for s, kind in found.values() if kind == "sparse"))
@@ -128,12 +132,6 @@ def unpacked_size(path: str) -> int:
                     packed = engine.unconsumed_tail
             stream.seek(end)
     return size
-
-
-def require(missing: list[str], kind: str) -> None:
-    """Raise for the first of the missing arrays."""
-    if missing:
-        raise ValueError(f"it holds no {missing[0]}: not a {kind} problem")
 
 
 def bound(size: int) -> None:

@@ -90,19 +90,15 @@ def record_of(result: Any) -> dict[str, Any]:
         numbers |= {"objective": result.obj, **result.residuals._asdict()}
     else:
         numbers["residual"] = result.residual
-    arrays = arrays_of(result)
+    values: dict[str, Any] = {**numbers, **arrays_of(result)}
+    for name, value in values.items():  # JSON has finite numbers alone
+        values[name] = np.where(np.isfinite(value), value, np.array(None)).tolist()
     return {
         "status": result.status.value,
         "message": result.message or result.status.explanation,
         "method": result.form if is_qp else result.method,
-        **{name: finite(value) for name, value in numbers.items()},
-        **{name: [finite(v) for v in array.tolist()] for name, array in arrays.items()},
+        **values,
     }
-
-
-def finite(value: float) -> float | None:
-    """Return a number, None where JSON has none."""
-    return value if np.isfinite(value) else None
 
 
 def describe(result: Any) -> None:
