@@ -97,24 +97,34 @@ def exact_numbers(name: str, array: np.ndarray) -> np.ndarray:
 
 
 def vector(
-    name: str, value: Any, size: int, other: str, shape: tuple[int, ...]
+    name: str,
+    value: Any,
+    size: int,
+    other: str,
+    shape: tuple[int, ...],
+    finite: bool = False,
 ) -> np.ndarray:
     """Return `value` as a clean (size,) array; columns and rows are flattened.
 
-    `other`, of `shape`, is the argument that sets the size.
+    `other`, of `shape`, is the argument that sets the size. Raises unless all of it is
+    finite, if asked to.
     """
-    if is_clean(value, 1) and value.size == size:
-        return value
-    if sp.issparse(value):
-        if math.prod(value.shape) != size:  # before it is made dense
-            raise wrong_shape(name, value, size, other, shape)
-        checked_order(name, value)
-        value = value.toarray()
-    array = real_array(name, value)
-    if array.ndim == 2 and 1 in array.shape:
-        array = array.ravel()
-    if array.shape != (size,):
-        raise wrong_shape(name, value, size, other, shape)
+    array = value
+    if not (is_clean(value, 1) and value.size == size):
+        if sp.issparse(value) and math.prod(value.shape) == size:
+            checked_order(name, value)
+            value = value.toarray()
+        if not sp.issparse(value):  # one of another size is not made dense
+            array = real_array(name, value)
+            if array.ndim == 2 and 1 in array.shape:
+                array = array.ravel()
+        if array.shape != (size,):
+            raise ValueError(
+                f"{name} must have shape ({size},) to match {other} of shape {shape}, "
+                f"got {np.shape(value)}"
+            )
+    if finite:
+        refuse_number(name, array, False)
     return array
 
 
@@ -125,25 +135,6 @@ def number_or_vector(name: str, value: Any, n: int, other: str = "A") -> np.ndar
         if value.ndim == 0:
             return constant(n, float(value))
     return vector(name, value, n, other, (n, n))
-
-
-def wrong_shape(
-    name: str, value: Any, size: int, other: str, shape: tuple[int, ...]
-) -> ValueError:
-    """Return the error of a vector that does not match `other`."""
-    return ValueError(
-        f"{name} must have shape ({size},) to match {other} of shape {shape}, "
-        f"got {np.shape(value)}"
-    )
-
-
-def finite_vector(
-    name: str, value: Any, size: int, other: str, shape: tuple[int, ...]
-) -> np.ndarray:
-    """Return `value` as `vector` does; raise unless all of it is finite."""
-    array = vector(name, value, size, other, shape)
-    refuse_number(name, array, False)
-    return array
 
 
 def finite_matrix(name: str, value: Any, other: str, shape: tuple[int, ...]) -> Any:

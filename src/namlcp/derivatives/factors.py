@@ -193,10 +193,6 @@ class KKTFactors:
 
     def solve(self, r: np.ndarray, transposed: bool = False) -> np.ndarray:
         """Return the solution, of least norm for the scaled K if it is singular."""
-        r = self.across(r * self.scale)
-        w = refined(self.kkt.plan().solve, self.product, r)
-        return self.across(w) * self.scale
-
-    def across(self, w: np.ndarray) -> np.ndarray:
-        """Return the part of w that is orthogonal to the null space of K scaled."""
-        return w if self.regular else w - self.basis.T @ (self.basis @ w)
+        r, N = r * self.scale, self.basis
+        w = refined(self.kkt.plan().solve, self.product, r - N.T @ (N @ r))
+        return (w - N.T @ (N @ w)) * self.scale

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
-from namlcp.checks import finite_vector, from_arrays, sparse_matrix
+from namlcp.checks import from_arrays, sparse_matrix, vector
 from namlcp.derivatives.dense import add_rank_two_at, rank_two
 from namlcp.qp import Point
 
@@ -124,7 +124,7 @@ def change(name: str, value: Any, other: str, own: np.ndarray) -> np.ndarray:
     """Return a finite vector of the caller, shaped as `own` is; 0 if it is None."""
     if value is None:
         return np.zeros(own.size)
-    return finite_vector(name, value, own.size, other, own.shape)
+    return vector(name, value, own.size, other, own.shape, finite=True)
 
 
 def product_of(vectors: tuple[np.ndarray, ...], point: Point, name: str) -> RankTwo:

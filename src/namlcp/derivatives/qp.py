@@ -120,13 +120,12 @@ class QPDerivative:
                     break
 
     def backward(self, dx: Any, dy: Any, dz: Any, dz_box: Any) -> QPGradients:
-        given = (
-            dx if dx is None else self.cotangent("x", dx),
-            dy if dy is None else self.cotangent("y", dy),
-            dz if dz is None else self.cotangent("z", dz),
-            dz_box if dz_box is None else self.cotangent("z_box", dz_box),
-        )
-        vectors, matrices = self.solve(given, True)
+        given = [dx, dy, dz, dz_box]
+        for k, value in enumerate(given):
+            if value is not None:
+                part, own = Point._fields[k], self.solution[k]
+                given[k] = vector(f"d{part}", value, own.size, part, own.shape)
+        vectors, matrices = self.solve(tuple(given), True)
         q, h, b, lb, ub = vectors
         matrix, weak, singular = partial(self.matrix, vectors), self.weak, self.singular
         gradients = QPGradients(q, h, b, lb, ub, weak, singular, matrix)
@@ -182,10 +181,6 @@ class QPDerivative:
         moved = np.where(side > 0, d["ub"], d["lb"])  # read where x_j is held
         (q, h, b, lb, ub), _ = self.solve((-r, db, dh, moved))
         return QPTangent(0.0 - q, b, h, lb + ub, self.weak, self.singular)
-
-    def cotangent(self, part: str, value: Any) -> np.ndarray:
-        own = getattr(self.solution, part)
-        return vector(f"d{part}", value, own.size, part, own.shape)
 
     def direction(self, changes: dict[str, Any]) -> dict[str, Any]:
         """Return the changes of the data by their names; an absent matrix is None."""

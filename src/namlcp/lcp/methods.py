@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from namlcp.checks import finite_vector
+from namlcp.checks import vector
 from namlcp.lcp.data import LCP, LCPPoint
 from namlcp.lcp.general.arc import arc
 from namlcp.lcp.general.cones import system_of
@@ -255,7 +255,7 @@ def solve_by_method(
     order = 0 if isinstance(lcp.A, Operator) else lcp.q.size
     with blas_threads(1, order):
         if z0 is not None:
-            z0 = finite_vector("z0", z0, lcp.q.size, "A", lcp.A.shape)
+            z0 = vector("z0", z0, lcp.q.size, "A", lcp.A.shape, finite=True)
         elif method == "auto" and is_next:
             return solve_next(lcp, unit, limits)
         solve = partial(found.solve, **options) if options else found.solve

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse.linalg import LinearOperator
 
-from namlcp.checks import finite_vector
+from namlcp.checks import vector
 
 # Largest |u'Av - v'Au| that counts as zero for two fixed random vectors, relative to
 # |u||Av| + |v||Au|: it allows for products in single precision.
@@ -28,7 +28,7 @@ class Operator:
             raise TypeError(f"A must be real, got a LinearOperator of dtype {A.dtype}")
         self.known = np.ones(n)
         if diagonal is not None:
-            self.known = finite_vector("diagonal", diagonal, n, "A", A.shape)
+            self.known = vector("diagonal", diagonal, n, "A", A.shape, finite=True)
             wrong = np.flatnonzero(self.known < 0.0)
             if wrong.size:
                 i = wrong[0]

@@ -37,7 +37,7 @@ from typing import Any
 
 import numpy as np
 
-from namlcp.checks import finite_vector
+from namlcp.checks import vector
 from namlcp.lcp.data import LCP
 from namlcp.lcp.modulus.adaptive import AdaptiveStep
 from namlcp.lcp.modulus.kernels import S, Z
@@ -95,7 +95,7 @@ def sweep(
         if s0 is not None and z0 is not None:
             raise ValueError("s0 and z0 must not both be given: either fixes the start")
         if s0 is not None:
-            s = finite_vector("s0", s0, lcp.q.size, "A", lcp.A.shape).copy()
+            s = vector("s0", s0, lcp.q.size, "A", lcp.A.shape, finite=True).copy()
         else:
             s = lcp.start() if z0 is None else z0 - lcp.w(z0) / step.omega
         status, s, k = iterate(lcp, step, s, limits)
