@@ -15,7 +15,7 @@ import scipy.sparse as sp
 from cython.cimports.libc.math import INFINITY, NAN, copysign, fabs
 
 from namlcp.checks import as_sparse, matrix
-from namlcp.linalg import add_transposed, arrays_of, times
+from namlcp.linalg import add_transposed, times
 from namlcp.measure import signed_gap
 from namlcp.qp.problem import Point
 from namlcp.residuals import qp_residuals
@@ -90,16 +90,23 @@ def correct_dual_residual(qp, point, tol, rest=0.0):
     P = qp.P
     if not sp.issparse(P) or P.format != "csc":
         P = as_sparse(matrix("P", P, "csc"))
-    gauss_seidel(*arrays_of(P), qp.lb, qp.ub, tol, rest, r, point.x, point.z_box)
+    gauss_seidel(P, qp, point, r, tol, rest)
     return point
 
 
-def gauss_seidel(indptr, indices, data, lb, ub, tol, left, r, x, z_box):
+def gauss_seidel(P, qp, point, r, tol, left):
     """Reduce dual residuals |r_j + z_box_j| > tol by z_box_j, to `left` by x_j.
 
     x_j takes that part of a Gauss-Seidel step on the Lagrangian. P is in CSC, r = Px +
-    q + G'z + A'y; r, x and z_box are overwritten.
+    q + G'z + A'y; r and the point's x and z_box are overwritten.
     """
+    indptr: cython.int[::1] = P.indptr
+    indices: cython.int[::1] = P.indices
+    data: cython.double[::1] = P.data
+    lb: cython.double[::1] = qp.lb
+    ub: cython.double[::1] = qp.ub
+    x: cython.double[::1] = point.x
+    z_box: cython.double[::1] = point.z_box
     for _ in range(PASSES):
         for j in range(x.shape[0]):
             if fabs(r[j] + z_box[j]) <= tol:
@@ -120,6 +127,7 @@ def gauss_seidel(indptr, indices, data, lb, ub, tol, left, r, x, z_box):
                 for t in range(indptr[j], indptr[j + 1]):
                     r[indices[t]] += data[t] * (new - x[j])
                 x[j] = new
+    return 0
 
 
 def gap_corrections(qp, point, size, tol, dual_left):
