@@ -44,11 +44,3 @@ class Outcome(NamedTuple):
     def ends(self) -> bool:
         """Tell whether no other method is to be tried."""
         return self.status in ENDS
-
-
-def objective_of(answer: Outcome) -> float:
-    """Return 1/2 x'Px + q'x, infinite where a certificate takes the place of x."""
-    objective = answer.residuals.objective
-    if answer.status is Status.SOLVED:
-        return objective
-    return OBJECTIVE.get(answer.status, objective)

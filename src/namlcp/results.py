@@ -30,7 +30,7 @@ from namlcp.lcp import LCP, Operator, Prepared, solve_small
 from namlcp.linalg import times
 from namlcp.linalg.arrays import stamp_of_arrays
 from namlcp.measure import modulus_variable
-from namlcp.outcome import OBJECTIVE, Outcome, objective_of
+from namlcp.outcome import OBJECTIVE, Outcome
 from namlcp.qp import (
     QP,
     STATUSES,
@@ -760,7 +760,7 @@ def qp_result(
         y=y,
         z=z,
         z_box=z_box,
-        obj=objective_of(outcome),
+        obj=OBJECTIVE.get(outcome.status, outcome.residuals.objective),
         residuals=outcome.residuals,
         iterations=outcome.iterations,
         form=outcome.method,

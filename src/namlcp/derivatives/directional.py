@@ -37,7 +37,6 @@ from namlcp.derivatives.qp import QPDerivative
 from namlcp.lcp import ACCURACY, lcp_data, solve_by_method
 from namlcp.limits import Limits
 from namlcp.options import DEFAULT_OPTIONS
-from namlcp.outcome import Outcome
 from namlcp.qp import NO_GUESS, Point, qp_data, solve_checked
 from namlcp.status import Status
 
@@ -59,23 +58,24 @@ def qp_directional(derivative: QPDerivative, changes: dict[str, Any]) -> QPTange
     fixed = held[-r.size :] != 0
     lower = np.where(fixed | (side < 0), change, -np.inf)
     upper = np.where(fixed | (side > 0), change, np.inf)
-    found = solved(qp.P, r, qp.G[weak], dh[weak], A, b, lower, upper)
-    if found.status is not Status.SOLVED:
-        raise ValueError(
-            "the solution has no derivative along this direction: the QP of the "
-            f"critical cone is {found.status.value}"
-        )
-    dx, y, z, dz_box = found.point
+    words = (
+        "the solution has no derivative along this direction: the QP of the critical "
+        "cone is {}"
+    )
+    dx, y, z, dz_box = solved(words, qp.P, r, qp.G[weak], dh[weak], A, b, lower, upper)
     dz = np.zeros(qp.h.size)
     dz[weak], dz[strict] = z, y[db.size :]
     return QPTangent(dx, y[: db.size], dz, dz_box, derivative.weak, derivative.singular)
 
 
-def solved(*arguments: Any) -> Outcome:
-    """Return the outcome of a QP of these arguments."""
+def solved(words: str, *arguments: Any) -> Point:
+    """Return the solution of a QP of these arguments; raise with the words if none."""
     qp = qp_data(*arguments)
     given = qp.P, qp.G, qp.A
-    return solve_checked(qp, DEFAULT_OPTIONS, NO_GUESS, perf_counter(), given=given)
+    found = solve_checked(qp, DEFAULT_OPTIONS, NO_GUESS, perf_counter(), given=given)
+    if found.status is not Status.SOLVED:
+        raise ValueError(words.format(found.status.value))
+    return found.point
 
 
 def steepest(derivative: QPDerivative, whole: np.ndarray, d: dict[str, Any]) -> Point:
@@ -90,13 +90,12 @@ def steepest(derivative: QPDerivative, whole: np.ndarray, d: dict[str, Any]) -> 
     slope = np.concatenate((db, dh, change)) @ N
     zero, signed = np.zeros((slope.size, slope.size)), sign != 0
     G, h = -(sign[:, None] * N)[signed], np.maximum(sign * value, 0.0)[signed]
-    best = solved(zero, slope, G, h, None, None, None, None)
-    if best.status is not Status.SOLVED:
-        raise ValueError(
-            "the QP has no solution along this direction: its constraints contradict "
-            f"each other (the LP of the multipliers is {best.status.value})"
-        )
-    value = value + N @ best.point.x
+    words = (
+        "the QP has no solution along this direction: its constraints contradict each "
+        "other (the LP of the multipliers is {})"
+    )
+    best = solved(words, zero, slope, G, h, None, None, None, None)
+    value = value + N @ best.x
     return Point(point.x, *np.split(value, (qp.b.size, qp.b.size + qp.h.size)))
 
 

@@ -21,7 +21,7 @@ from namlcp.checks import real_array
 from namlcp.linalg import blas_threads
 from namlcp.linalg.arrays import stamps_of_items
 from namlcp.options import Options
-from namlcp.outcome import OBJECTIVE, Outcome, objective_of
+from namlcp.outcome import OBJECTIVE, Outcome
 from namlcp.qp.active import MOST_ORDER, OUTCOMES, attach
 from namlcp.qp.active import solve_items as solve_dense_items
 from namlcp.qp.active.dense import DenseActiveSet
@@ -66,7 +66,8 @@ def put(found: SimpleNamespace, i: int, answer: Outcome) -> None:
     """Write the answer to item i."""
     found.codes[i] = STATUSES.index(answer.status)
     found.x[i], found.y[i], found.z[i], found.z_box[i] = answer.point
-    found.obj[i], found.residuals[i] = objective_of(answer), answer.residuals
+    found.obj[i] = OBJECTIVE.get(answer.status, answer.residuals.objective)
+    found.residuals[i] = answer.residuals
     found.iterations[i], found.form[i] = answer.iterations, answer.method
     if answer.message:
         found.messages[i] = answer.message
