@@ -120,12 +120,15 @@ class QPDerivative:
                     break
 
     def backward(self, dx: Any, dy: Any, dz: Any, dz_box: Any) -> QPGradients:
-        given = [dx, dy, dz, dz_box]
-        for k, value in enumerate(given):
-            if value is not None:
-                part, own = Point._fields[k], self.solution[k]
-                given[k] = vector(f"d{part}", value, own.size, part, own.shape)
-        vectors, matrices = self.solve(tuple(given), True)
+        _, y, z, _ = self.solution
+        n = self.qp.q.size
+        given = (
+            None if dx is None else vector("dx", dx, n, "x", (n,)),
+            None if dy is None else vector("dy", dy, y.size, "y", y.shape),
+            None if dz is None else vector("dz", dz, z.size, "z", z.shape),
+            None if dz_box is None else vector("dz_box", dz_box, n, "z_box", (n,)),
+        )
+        vectors, matrices = self.solve(given, True)
         q, h, b, lb, ub = vectors
         matrix, weak, singular = partial(self.matrix, vectors), self.weak, self.singular
         gradients = QPGradients(q, h, b, lb, ub, weak, singular, matrix)
