@@ -39,8 +39,3 @@ class Outcome(NamedTuple):
     ray: np.ndarray | None = None
     closest: Any = None
     factors: Any = None
-
-    @property
-    def ends(self) -> bool:
-        """Tell whether no other method is to be tried."""
-        return self.status in ENDS

@@ -20,7 +20,7 @@ from namlcp.lcp.data import LCP, Criterion
 from namlcp.lcp.loops import relax_csr
 from namlcp.limits import Limits
 from namlcp.linalg.csc import arrays_of
-from namlcp.outcome import Outcome
+from namlcp.outcome import ENDS, Outcome
 from namlcp.status import Status
 
 # Largest mu for which Young's alpha is at most 2/(1 + mu).
@@ -55,7 +55,7 @@ def solve_by_sweeps(
             alpha = young
     status, k = relax(z, alpha, most, criterion)
     outcome = lcp.outcome(status, z, lcp.w(z), k, "psor")
-    if limits.report is not None and outcome.ends:
+    if limits.report is not None and status in ENDS:
         limits.report(k, outcome.residuals, lcp.active(z))
     return outcome
 

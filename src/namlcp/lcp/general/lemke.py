@@ -36,7 +36,7 @@ from namlcp.lcp.general.tableau import (
 )
 from namlcp.lcp.pivoting.rays import proof
 from namlcp.limits import Limits
-from namlcp.outcome import Outcome
+from namlcp.outcome import ENDS, Outcome
 from namlcp.status import Status
 
 # Largest order: the tableau then takes 200 MB.
@@ -91,7 +91,7 @@ def solve_by_lemke(search: Search) -> Outcome | None:
         budget = int(min(TRIES * n + MORE_TRIES, most - done))
         outcome = follow(search, plain, d, (done, done + budget))
         done = outcome.iterations
-        if outcome.ends or done >= most:
+        if outcome.status in ENDS or done >= most:
             return outcome
     return None
 

@@ -16,7 +16,7 @@ from scipy.sparse import csc_array
 
 from namlcp.limits import Deadline
 from namlcp.options import DEFAULT_OPTIONS, Options
-from namlcp.outcome import Outcome
+from namlcp.outcome import ENDS, Outcome
 from namlcp.qp.active.engine import Code
 from namlcp.qp.active.once import answer_of, is_slow_anew, kept_for, renew
 from namlcp.qp.active.solve import solve, suggest, updated
@@ -226,7 +226,7 @@ class QPSequence:
         self.pause = PAUSES[min(self.left, len(PAUSES) - 1)] if m.is_ready else inf
         limits = options.limits(deadline)
         answer = answer_of(m, Judge(qp, limits, self.given))
-        if answer is None or not answer.ends:
+        if answer is None or answer.status not in ENDS:
             return None
         if options.relaxation and answer.status is Status.PRIMAL_INFEASIBLE:
             return None  # the general solve finds the closest point
