@@ -28,7 +28,6 @@ from namlcp.derivatives.face import (
     active_sets,
     dependencies,
     factored,
-    places_of,
     signs,
 )
 from namlcp.derivatives.gradients import LCPTangent, QPTangent, right_sides
@@ -49,13 +48,13 @@ def qp_directional(derivative: QPDerivative, changes: dict[str, Any]) -> QPTange
     point = steepest(derivative, whole, d)
     r, dh, db = right_sides(d, point)
     held, _, _ = active_sets(qp, point)
-    _, strict, _ = places_of(qp, held)
-    _, rows, _ = places_of(qp, whole)
-    weak, side = np.setdiff1d(rows, strict), whole[-r.size :]
+    p, rows = qp.b.size, qp.b.size + qp.h.size
+    side, fixed = whole[rows:], held[rows:] != 0
+    strict = np.flatnonzero(held[p:rows])
+    weak = np.flatnonzero((whole[p:rows] != 0) & (held[p:rows] == 0))
     parts, b = (qp.A, qp.G[strict]), np.concatenate((db, dh[strict]))
     A = np.concatenate(parts) if qp.is_dense else vstack(parts, "csc")
     change = np.where(side < 0, d["lb"], d["ub"])
-    fixed = held[-r.size :] != 0
     lower = np.where(fixed | (side < 0), change, -np.inf)
     upper = np.where(fixed | (side > 0), change, np.inf)
     words = (

@@ -36,16 +36,11 @@ def active_sets(qp: QP, point: Point) -> tuple[np.ndarray, np.ndarray, int]:
     return strict, whole, weak
 
 
-def places_of(qp: QP, held: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the held rows of A and of G, and the variables that are free."""
-    p, m = qp.b.size, qp.h.size
-    rows, free = np.flatnonzero(held[p : p + m]), np.flatnonzero(held[p + m :] == 0)
-    return np.flatnonzero(held[:p]), rows, free
-
-
 def factored(qp: QP, held: np.ndarray) -> DenseFactors | KKTFactors:
     """Return the factors of the KKT matrix K of held constraints."""
-    (equalities, rows, free), (P, _, G, _, A, *_) = places_of(qp, held), qp
+    (P, _, G, _, A, *_), p, m = qp, qp.b.size, qp.h.size
+    equalities, rows = np.flatnonzero(held[:p]), np.flatnonzero(held[p : p + m])
+    free = np.flatnonzero(held[p + m :] == 0)
     if qp.is_dense:
         C = np.concatenate((A[equalities], G[rows]))[:, free]
         zero = np.zeros((C.shape[0], C.shape[0]))

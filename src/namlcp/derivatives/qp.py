@@ -49,7 +49,6 @@ from namlcp.derivatives.face import (
     dependencies,
     factored,
     independent,
-    places_of,
 )
 from namlcp.derivatives.gradients import (
     QPGradients,
@@ -147,19 +146,17 @@ class QPDerivative:
         given = (np.zeros(own.size) if v is None else v for v, own in pairs)
         gx, gy, gz, gz_box = given
         P, _, G, _, A = self.qp[:5]
-        equalities, rows, free = places_of(self.qp, self.held)
-        side = self.held[gy.size + gz.size :]
-        held = side != 0
-        u, lam, nu = held * gz_box, np.zeros(gz.size), np.zeros(gy.size)
-        right = gx, gy, gz
+        p, rows = gy.size, gy.size + gz.size
+        at, side = np.flatnonzero(self.held[:rows]), self.held[rows:]
+        free, held = np.flatnonzero(side == 0), side != 0
+        u, v = held * gz_box, np.zeros(rows)
+        of_x, of_v = gx, np.concatenate((gy, gz))
         if u.any():
-            right = gx - times(P, u), gy - times(A, u), gz - times(G, u)
-        places = free, equalities, rows
-        v = self.factors.solve(
-            np.concatenate([w[at] for w, at in zip(right, places, strict=True)])
-        )
-        n, p = free.size, equalities.size
-        u[free], nu[equalities], lam[rows] = v[:n], v[n : n + p], v[n + p :]
+            of_x = gx - times(P, u)
+            of_v -= np.concatenate((times(A, u), times(G, u)))
+        w = self.factors.solve(np.concatenate((of_x[free], of_v[at])))
+        u[free], v[at] = np.split(w, [free.size])
+        nu, lam = np.split(v, [p])
         terms = times(P, u)
         add_transposed(G, lam, terms)
         add_transposed(A, nu, terms)
