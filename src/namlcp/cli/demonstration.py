@@ -101,7 +101,6 @@ def osqp(problem: qpsolvers.Problem) -> qpsolvers.Solution:
 
 
 def worst_residual(answer: qpsolvers.Solution) -> float:
-    """Return the largest of qpsolvers' three residuals."""
     return max(answer.primal_residual(), answer.dual_residual(), answer.duality_gap())
 
 

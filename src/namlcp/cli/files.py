@@ -141,6 +141,5 @@ def bound(size: int) -> None:
 
 
 def refuse_kind(name: str, dtype: np.dtype) -> None:
-    """Raise unless the dtype is one of real numbers."""
     if dtype.kind not in "biuf":
         raise ValueError(f"{name} must hold real numbers, got dtype {dtype}")

@@ -69,7 +69,6 @@ def solve_file(path: str, args: dict[str, Any]) -> int:
 
 
 def arrays_of(result: Any) -> dict[str, np.ndarray]:
-    """Return the arrays of a result by name."""
     names = ("x", "y", "z", "z_box") if hasattr(result, "x") else ("z", "w", "ray")
     found = {name: getattr(result, name) for name in names}
     closest = getattr(result, "closest", None)
@@ -102,7 +101,6 @@ def record_of(result: Any) -> dict[str, Any]:
 
 
 def describe(result: Any) -> None:
-    """Print the outcome for people."""
     is_qp = hasattr(result, "x")
     message = result.message or result.status.explanation
     print(f"status     {result.status.value}: {message}")
@@ -123,7 +121,6 @@ def describe(result: Any) -> None:
 
 
 def show_info() -> int:
-    """Print versions, machine and packages."""
     blas = np.show_config(mode="dicts")["Build Dependencies"]["blas"]  # type: ignore
     print(f"namlcp {namlcp.__version__}, {Path(namlcp.__file__).parent}")
     print(f"Python {platform.python_version()} on {platform.platform()}")
@@ -137,7 +134,6 @@ def show_info() -> int:
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    """Add the fields of `Options`."""
     for field in fields(Options):
         name = f"--{field.name.replace('_', '-')}"
         if isinstance(field.default, bool):
@@ -150,7 +146,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def parser_of_arguments() -> argparse.ArgumentParser:
-    """Return the parser of the command line."""
     parser = argparse.ArgumentParser(prog="namlcp", description=__doc__)
     title = f"namlcp {namlcp.__version__}"
     parser.add_argument("--version", action="version", version=title)

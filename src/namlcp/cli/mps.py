@@ -31,7 +31,6 @@ class Model:
         self.sign = 1.0
 
     def read(self, section: str, words: list[str]) -> None:
-        """Take one line of a section."""
         if section == "ROWS":
             kind, row = words
             if kind not in ("N", "L", "G", "E"):
@@ -67,7 +66,6 @@ class Model:
         return row
 
     def bound(self, words: list[str]) -> None:
-        """Take one line of BOUNDS."""
         kind = words[0]
         if kind not in ONE_SIDED and kind not in WITHOUT_VALUE:
             raise ValueError(f"bounds of the kind {kind} are not of a QP")
@@ -87,7 +85,6 @@ class Model:
             ends[1] = value
 
     def problem(self) -> qpsolvers.Problem:
-        """Return the QP."""
         n = len(self.columns)
         if n == 0:
             raise ValueError("it has no columns")
@@ -106,7 +103,6 @@ class Model:
         return two_sided(P, self.sign * q, C, low, high, *ends.T)
 
     def interval(self, row: str) -> tuple[float, float]:
-        """Return the two sides of a row."""
         side, kind = self.sides.get(row, 0.0), self.kinds[row]
         width = self.ranges.get(row)
         low = side if kind in "GE" else -np.inf
