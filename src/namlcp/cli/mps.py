@@ -40,13 +40,11 @@ class Model:
             if "'MARKER'" in words:
                 raise ValueError("it has integer variables")
             column = self.columns.setdefault(words[0], len(self.columns))
-            for row, value in pairs(words[1:]):
-                self.known(row)
-                self.entries.append((row, column, value))
+            pairs = self.pairs(words[1:])
+            self.entries += [(row, column, value) for row, value in pairs]
         elif section in ("RHS", "RANGES"):
             sides = self.sides if section == "RHS" else self.ranges
-            for row, value in pairs(words[len(words) % 2 :]):
-                sides[self.known(row)] = value
+            sides.update(self.pairs(words[len(words) % 2 :]))
         elif section == "BOUNDS":
             self.bound(words)
         elif section in TRIANGLE + WHOLE:
@@ -59,11 +57,15 @@ class Model:
         else:
             raise ValueError(f"the section {section} is unknown")
 
-    def known(self, row: str) -> str:
-        """Return the name of a row; raise for an unknown one."""
-        if row not in self.kinds:
-            raise ValueError(f"there is no row {row}")
-        return row
+    def pairs(self, words: list[str]) -> list[tuple[str, float]]:
+        """Return names of rows and numbers, which alternate; raise for other names."""
+        if len(words) % 2:
+            raise ValueError(f"a line has a name without a number: {' '.join(words)}")
+        found = [(words[k], float(words[k + 1])) for k in range(0, len(words), 2)]
+        for row, _ in found:
+            if row not in self.kinds:
+                raise ValueError(f"there is no row {row}")
+        return found
 
     def bound(self, words: list[str]) -> None:
         kind = words[0]
@@ -132,13 +134,6 @@ def matrix(
     """Return a matrix by its entries, row, column and value; repeated ones add up."""
     rows, columns, values = zip(*entries, strict=True) if entries else ((), (), ())
     return sp.csc_matrix((np.array(values, float), (rows, columns)), shape=shape)
-
-
-def pairs(words: list[str]) -> list[tuple[str, float]]:
-    """Return names and numbers that alternate."""
-    if len(words) % 2:
-        raise ValueError(f"a line has a name without a number: {' '.join(words)}")
-    return [(words[k], float(words[k + 1])) for k in range(0, len(words), 2)]
 
 
 def mps_problem(lines: Iterable[str]) -> qpsolvers.Problem:
