@@ -8,7 +8,6 @@
   (`derivatives.differences`), and one-sided ones of fuzzed QPs.
 - closest: the closest feasible problem of infeasible QPs, by the definition
   (`campaign_closest`).
-- containers: odd containers of the numbers, by the definition (`campaign_containers`).
 
 What the fresh or single solve has proved, by the judge's definition, is true of a QP;
 the other answer is judged by the definition, and by that. At the edge of the tolerances
@@ -26,10 +25,9 @@ import namlcp
 from namlcp.qp import QP
 from validation.derivatives import cases as planted
 from validation.derivatives import differences
-from validation.problems.fuzzed import cases, changes, draw, lcps, qps
+from validation.problems.fuzzed import cases, changes, draw, qps
 from validation.stress.campaign_answers import NAM, clean, qp_answer
 from validation.stress.campaign_closest import closest
-from validation.stress.campaign_containers import containers, lcp_containers
 from validation.stress.campaign_judge import Answer, judge_qp
 
 STEPS = 6  # solves of a sequence
@@ -230,10 +228,6 @@ RELATIONS: dict[str, dict[str, Check]] = {
         **of_fuzzed(derivative, (qps.strictly_convex, qps.condition_1e8)),
     },
     "closest": of_fuzzed(closest, (qps.infeasible, qps.both, qps.wild)),
-    "containers": {
-        **of_fuzzed(containers, (*cases.OFTEN, qps.bounds_alone)),
-        **of_fuzzed(lcp_containers, (lcps.positive_definite, lcps.tridiagonal)),
-    },
 }
 """The classes by the name of their set, each a check by its name; problem i of a set is
 of its class number i modulo their number."""

@@ -1,1 +1,1 @@
-"""LCPs whose matrices are neither P nor semidefinite: friction, games, circuits."""
+"""LCPs whose matrices are neither P nor semidefinite: friction, games."""
