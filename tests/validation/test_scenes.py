@@ -8,11 +8,13 @@ import problems_lcp
 import pytest
 
 from namlcp import Status, natural_residual, solve_lcp
-from validation.oracles.scenes import SCENES
+from validation.oracles.scenes import scenes
 from validation.problems import hertz
 from validation.problems import known_scenes as known
 from validation.problems import large_scenes as large
 from validation.problems.general import games
+
+SCENES = scenes(problems_lcp.DATA)
 
 
 def solve(scene):
@@ -23,9 +25,7 @@ def solve(scene):
 
 @pytest.mark.parametrize("name", [name for name, s in SCENES.items() if s.known])
 def test_known_values(name):
-    lcp = SCENES[name].make(problems_lcp.DATA)
-    if lcp is None:
-        pytest.skip("needs the data folder")
+    lcp = SCENES[name].make()
     z = solve(lcp)
     for entry in SCENES[name].known:
         assert abs(entry.of(lcp, z) - entry.value) <= entry.absolute, entry.quantity
