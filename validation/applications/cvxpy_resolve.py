@@ -21,7 +21,7 @@ from scipy.linalg import solve_discrete_are
 from validation.applications.cvxpy_models import REFERENCE, SOLVERS, judge
 from validation.harness import Job, Row
 from validation.harness.suite import Args, Suite
-from validation.problems.models import decisions, statistics
+from validation.problems import models
 
 STEPS = 101  # the first compiles and is not counted
 ERRORS = ["primal_residual", "dual_residual", "complementarity"]
@@ -30,7 +30,7 @@ Sequence = tuple[cp.Problem, Iterator[None]]
 
 def control(nx: int, nu: int, horizon: int) -> Sequence:
     """Control from measured states: only right-hand sides change."""
-    A, B, state = decisions.plant(nx, nu)
+    A, B, state = models.plant(nx, nu)
     start = cp.Parameter(nx)
     x, u = cp.Variable((nx, horizon + 1)), cp.Variable((nu, horizon))
     rows = [x[:, 0] == start, x[:, 1:] == A @ x[:, :-1] + B @ u, cp.abs(u) <= 0.5]
@@ -52,7 +52,7 @@ def control(nx: int, nu: int, horizon: int) -> Sequence:
 
 def frontier(n: int, factors: int) -> Sequence:
     """Efficient frontier: the weight of the risk, in the matrix, changes."""
-    mean, loadings, specific = decisions.market(n, factors)
+    mean, loadings, specific = models.market(n, factors)
     w, f, gamma = cp.Variable(n), cp.Variable(factors), cp.Parameter(nonneg=True)
     risk = cp.sum_squares(f) + cp.sum_squares(cp.multiply(np.sqrt(specific), w))
     rows = [f == loadings.T @ w, cp.sum(w) == 1, w >= 0]
@@ -66,7 +66,7 @@ def frontier(n: int, factors: int) -> Sequence:
 
 def lasso(m: int, n: int) -> Sequence:
     """Lasso path: the penalty, in the linear cost, falls."""
-    X, y = statistics.regression(m, n)
+    X, y = models.regression(m, n)
     w, penalty = cp.Variable(n), cp.Parameter(nonneg=True)
     most = 2.0 * np.abs(X.T @ y).max()
 
