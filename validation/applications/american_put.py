@@ -16,7 +16,8 @@ of the ratio of times.
 """
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -119,7 +120,7 @@ def factorise(below, diagonal, above, factor):
 
 @njit(cache=True, nogil=True)
 def brennan_schwartz(factor, payoff, q, V):
-    """Write V to the solution of A V + q >= 0, V >= payoff; q is overwritten."""
+    """Return V, the solution of A V + q >= 0, V >= payoff; q is overwritten."""
     n = V.size
     last = -q[n - 1]
     q[n - 1] = last
@@ -132,16 +133,16 @@ def brennan_schwartz(factor, payoff, q, V):
         if last < payoff[i]:
             last = payoff[i]
         V[i] = last
+    return V
 
 
 class March:
-    """A put on its way through time; `run(k)` takes the next k steps."""
+    """A put on its way through time; step(q, V) returns the next V."""
 
-    def __init__(self, grid: Grid):
-        self.grid = grid
+    def __init__(self, grid: Grid, step: Callable[..., np.ndarray]) -> None:
+        self.grid, self.step, self.done = grid, step, 0
         self.V = grid.payoff.copy()
         self.q = np.empty_like(self.V)
-        self.done = 0
 
     def run(self, steps: int) -> float:
         """Take steps and return their time."""
@@ -149,13 +150,9 @@ class March:
         start = time.thread_time()
         for _ in range(steps):
             right_side(self.V, *A, left, self.done < EULER_STEPS, self.q)
-            self.solve()
+            self.V = self.step(self.q, self.V)
             self.done += 1
         return time.thread_time() - start
-
-    def solve(self) -> None:
-        """Write the solution of the LCP with q to V."""
-        raise NotImplementedError
 
     def price(self, spot: float) -> float:
         x = self.grid.x
@@ -164,36 +161,26 @@ class March:
         return float(CubicSpline(x[near], self.V[near])(np.log(spot)))
 
 
-class Kept(March):
-    """Brennan and Schwartz with the factors kept."""
-
-    def __init__(self, grid: Grid):
-        super().__init__(grid)
-        self.factor = np.empty((3, grid.x.size))
-        factorise(grid.below, grid.diagonal, grid.above, self.factor)
-
-    def solve(self) -> None:
-        """Take the step."""
-        brennan_schwartz(self.factor, self.grid.payoff, self.q, self.V)
+def kept(grid: Grid) -> March:
+    """Return the march by Brennan and Schwartz with the factors kept."""
+    factor = np.empty((3, grid.x.size))
+    factorise(grid.below, grid.diagonal, grid.above, factor)
+    return March(grid, partial(brennan_schwartz, factor, grid.payoff))
 
 
-class Package(March):
-    """`solve_lcp`."""
+def package(grid: Grid) -> March:
+    """Return the march by `solve_lcp`."""
+    bands, n = [grid.below, grid.diagonal, grid.above], grid.x.size
+    A = sp.diags_array(bands, offsets=[-1, 0, 1], shape=(n, n))
+    matrix = Prepared(sp.csr_array(A))
 
-    def __init__(self, grid: Grid):
-        super().__init__(grid)
-        n = grid.x.size
-        A = sp.diags_array(
-            [grid.below, grid.diagonal, grid.above], offsets=[-1, 0, 1], shape=(n, n)
-        )
-        self.A = Prepared(sp.csr_array(A))
-
-    def solve(self) -> None:
-        """Take the step."""
-        result = solve_lcp(self.A, self.q, self.grid.payoff, z0=self.V)
+    def step(q: np.ndarray, V: np.ndarray) -> np.ndarray:
+        result = solve_lcp(matrix, q, grid.payoff, z0=V)
         if result.status is not Status.SOLVED:
-            raise RuntimeError(f"step {self.done}: {result.status.value}")
-        self.V = result.z
+            raise RuntimeError(result.status.value)
+        return result.z
+
+    return March(grid, step)
 
 
 BLOCK = 10  # steps that one method takes before it is the other's turn
@@ -202,14 +189,14 @@ BLOCK = 10  # steps that one method takes before it is the other's turn
 def timed(_: Job, name: str, size: int) -> Row:
     put = PUTS[name]
     grid = grid_of(put, size, size)
-    for kind in (Package, Kept):
+    for kind in (package, kept):
         kind(grid).run(2)  # compiled
-    ours, kept = Package(grid), Kept(grid)
+    ours, other = package(grid), kept(grid)
     times = []
     left = size + EULER_STEPS // 2
     while left > 0:
         block = min(BLOCK, left)
-        times.append([march.run(block) for march in (ours, kept)])
+        times.append([march.run(block) for march in (ours, other)])
         left -= block
     seconds = np.array(times[:-1])
     price, per_step = ours.price(put.spot), np.median(seconds, axis=0) / BLOCK

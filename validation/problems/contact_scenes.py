@@ -1,8 +1,8 @@
 """Two-dimensional contact scenes of any size, without friction: heaps and walls.
 
-Every scene is the LCP of one time step of rigid bodies (Moreau-Jean, no restitution).
-With normals N (degrees of freedom x contacts), masses M and free velocity v after a
-step of gravity, the impulses z >= 0 solve
+Each is one time step of rigid bodies (Moreau-Jean, no restitution), as a
+`namlcp.scenes.friction.Scene` without friction: impulses z >= 0 along the normals N
+between masses M, with the free velocity v after a step of gravity, solve
 
     w = A z + q >= 0,   z'w = 0,   A = N'M^-1 N,   q = N'v.
 
@@ -11,11 +11,12 @@ velocity, in the norm of M, that separates no two bodies. More contacts than deg
 freedom make A singular.
 """
 
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
+from namlcp.scenes.friction import Bodies, Contacts, Scene, friction_lcp
 from validation.problems.known_scenes import BoxLCP, nonnegative
 
 STEP = 0.01  # gravity times the time step
@@ -23,13 +24,35 @@ JITTER = 0.1  # of the centres, the radius is 1
 HOLES = 0.05  # share of the discs taken out
 
 
-class Heap(NamedTuple):
-    """Normals, masses and velocities by degree of freedom, and where the discs are."""
+class Touches:
+    """Contacts between bodies, -1 the ground, with their points and normals."""
 
-    N: sp.csr_array
-    mass: np.ndarray
-    velocity: np.ndarray
-    centre: np.ndarray
+    def __init__(self) -> None:
+        self.parts: list[tuple[np.ndarray, ...]] = []
+
+    def add(self, first: np.ndarray, second: np.ndarray, *at: np.ndarray) -> None:
+        """Add contacts of second[i] on (or right of) first[i]: points, normals."""
+        whole = [np.column_stack((v, np.zeros(len(v)))) for v in at]
+        self.parts.append((np.broadcast_to(first, second.shape), second, *whole))
+
+    def scene(self, centre: np.ndarray, mass: np.ndarray, v: np.ndarray) -> Scene:
+        """Return the scene of bodies 2 x 1; v has velocities along x, y and about z."""
+        parts = [np.concatenate(part) for part in zip(*self.parts, strict=True)]
+        none = np.zeros(parts[0].size)
+        velocity = np.zeros((len(v), 6))
+        velocity[:, [0, 1, 5]] = v
+        centre = np.column_stack((centre, np.zeros(len(centre))))
+        inertia = np.outer(mass, [1.0, 1.0, 5.0 / 12.0])
+        return Scene(
+            Bodies(centre, mass, inertia, velocity), Contacts(*parts, none, none)
+        )
+
+
+def lcp(scene: Scene) -> BoxLCP:
+    A, q = friction_lcp(scene)
+    A = sp.csr_array(A)
+    A.sort_indices()
+    return nonnegative(A, q)
 
 
 def heap(
@@ -42,10 +65,10 @@ def heap(
     `sideways` it touches both neighbours of its row too: A is singular. Some discs are
     taken out again and all move a little, so that contacts open.
     """
-    return scene(*heap_of_discs(contacts, sideways, mass_ratio, seed)[:3])
+    return lcp(heap_of_discs(contacts, sideways, mass_ratio, seed))
 
 
-def heap_of_discs(contacts: int, sideways: bool, mass_ratio: float, seed: int) -> Heap:
+def heap_of_discs(contacts: int, sideways: bool, mass_ratio: float, seed: int) -> Scene:
     """Return the bodies of `heap`."""
     rng = np.random.default_rng(seed)
     side = max(2, round(np.sqrt(contacts / (2.75 if sideways else 1.85))))
@@ -54,36 +77,28 @@ def heap_of_discs(contacts: int, sideways: bool, mass_ratio: float, seed: int) -
     row, place = np.divmod(body, side)
     centre = np.column_stack((2.0 * place + row % 2, np.sqrt(3.0) * row))
     centre += JITTER * rng.uniform(-1.0, 1.0, (discs, 2))
-    first, second, direction = [], [], []
-
-    def add(who: np.ndarray, step: np.ndarray, drop: int, wall: float) -> None:
-        """Let discs touch those `step` places on, `drop` rows below, or else a wall."""
+    upper = body[row > 0]
+    pairs = [(upper, row[upper] % 2 - 1, 1, 1.0), (upper, row[upper] % 2, 1, -1.0)]
+    pairs += [(body, np.full(discs, -1), 0, 1.0)] if sideways else []
+    found = []
+    for who, step, drop, wall in pairs:  # `step` places on, or else a wall
         at = place[who] + step
         inside = (at >= 0) & (at < side)
         other = np.where(inside, (row[who] - drop) * side + at, -1)
         line = centre[who] - centre[other]
         line[~inside] = wall, 0.0
-        line /= np.linalg.norm(line, axis=1, keepdims=True)
-        first.append(other)
-        second.append(who)
-        direction.append(line)
-
-    upper = body[row > 0]
-    add(upper, row[upper] % 2 - 1, 1, 1.0)
-    add(upper, row[upper] % 2, 1, -1.0)
-    if sideways:
-        add(body, np.full(discs, -1), 0, 1.0)
-    first.append(np.full(side, -1))
-    second.append(body[:side])
-    direction.append(np.tile([0.0, 1.0], (side, 1)))
-    one, two, up = (np.concatenate(parts) for parts in (first, second, direction))
+        found.append((other, who, line / np.linalg.norm(line, axis=1, keepdims=True)))
+    floor = np.full(side, -1), body[:side], np.tile([0.0, 1.0], (side, 1))
+    one, two, up = map(np.concatenate, zip(*found, floor, strict=True))
     present = rng.random(discs) >= HOLES
     there = present[two] & (present[one] | (one < 0))
-    N = normals(one[there], two[there], -up[there], up[there], discs)
-    mass = np.repeat(mass_ratio ** rng.random(discs), 2)
+    touches = Touches()
+    touches.add(one[there], two[there], centre[two[there]], up[there])
+    mass = mass_ratio ** rng.random(discs)
     velocity = 0.5 * STEP * rng.standard_normal(2 * discs)
     velocity[1::2] -= STEP
-    return Heap(N, mass, velocity, centre)
+    v = np.column_stack((velocity.reshape(-1, 2), np.zeros(discs)))
+    return touches.scene(centre, mass, v)
 
 
 def brick_wall(contacts: int, *, mass_ratio: float = 1e4, seed: int = 0) -> BoxLCP:
@@ -95,74 +110,26 @@ def brick_wall(contacts: int, *, mass_ratio: float = 1e4, seed: int = 0) -> BoxL
     """
     rng = np.random.default_rng(seed)
     courses = max(2, round(np.sqrt(contacts / 6.0)))
-    bricks = courses * courses
-    row, place = np.divmod(np.arange(bricks), courses)
-    x, y = 2.0 * place + row % 2, row + 0.5
-    first, second, points, direction = [], [], [], []
+    own = np.arange(courses * courses)
+    row, place = np.divmod(own, courses)
+    centre = np.column_stack((2.0 * place + row % 2, row + 0.5))
+    touches, along, up = Touches(), np.eye(2)[:1], np.eye(2)[1:]
 
-    def add(lower: np.ndarray, upper: np.ndarray, at: np.ndarray, up: bool) -> None:
-        """Add contacts of upper[i] on (or right of) lower[i] in the points at[i]."""
-        first.append(lower)
-        second.append(upper)
-        points.append(at)
-        direction.append(np.tile([0.0, 1.0] if up else [1.0, 0.0], (lower.size, 1)))
+    def add(first: np.ndarray, second: np.ndarray, at: tuple, normal: Any) -> None:
+        normals = np.repeat(normal, second.size, axis=0)
+        touches.add(first, second, centre[second] + at, normals)
 
-    own = np.arange(bricks)
+    floor, side = own[row == 0], own[place > 0]
     for shift in (-1.0, 1.0):
-        floor = own[row == 0]
-        at = np.column_stack((x + shift, y - 0.5))
-        add(np.full(floor.size, -1), floor, at[floor], True)
-        side = own[place > 0]
-        at = np.column_stack((x - 1.0, y + 0.5 * shift))
-        add(side - 1, side, at[side], False)
+        add(np.full(1, -1), floor, (shift, -0.5), up)
+        add(side - 1, side, (-1.0, 0.5 * shift), along)
     for half in (-1, 1):  # the brick below on that side, and both ends of the overlap
         other = place + (half + 2 * (row % 2) - 1) // 2
         on = own[(row > 0) & (other >= 0) & (other < courses)]
         for end in (0.0, float(half)):
-            at = np.column_stack((x + end, y - 0.5))
-            add((row[on] - 1) * courses + other[on], on, at[on], True)
-    lower, upper = np.concatenate(first), np.concatenate(second)
-    at, up = np.concatenate(points), np.concatenate(direction)
-    centre = np.column_stack((x, y))
-
-    def wrench(body: np.ndarray) -> np.ndarray:
-        """Return force and moment on those bodies of a unit force along `up`."""
-        arm = at - centre[body]
-        return np.column_stack((up, arm[:, 0] * up[:, 1] - arm[:, 1] * up[:, 0]))
-
-    N = normals(lower, upper, -wrench(lower), wrench(upper), bricks)
-    mass = mass_ratio ** rng.random(bricks)
-    inertia = np.column_stack((mass, mass, mass * 5.0 / 12.0)).ravel()
-    velocity = 0.5 * STEP * rng.standard_normal((bricks, 3))
-    velocity[rng.random(bricks) < 0.9] = 0.0
+            add((row[on] - 1) * courses + other[on], on, (end, -0.5), up)
+    mass = mass_ratio ** rng.random(own.size)
+    velocity = 0.5 * STEP * rng.standard_normal((own.size, 3))
+    velocity[rng.random(own.size) < 0.9] = 0.0
     velocity[:, 1] -= STEP
-    return scene(N, inertia, velocity.ravel())
-
-
-def normals(
-    first: np.ndarray,
-    second: np.ndarray,
-    on_first: np.ndarray,
-    on_second: np.ndarray,
-    bodies: int,
-) -> sp.csr_array:
-    """Return N: column c holds the forces of contact c on its bodies; -1 is fixed."""
-    contacts, freedom = on_first.shape
-    rows, columns, values = [], [], []
-    for body, force in ((first, on_first), (second, on_second)):
-        moving = np.flatnonzero(body >= 0)
-        rows.append((freedom * body[moving, None] + np.arange(freedom)).ravel())
-        columns.append(np.repeat(moving, freedom))
-        values.append(force[moving].ravel())
-    place = np.concatenate(rows), np.concatenate(columns)
-    shape = freedom * bodies, contacts
-    N = sp.csr_array((np.concatenate(values), place), shape=shape)
-    N.eliminate_zeros()
-    return N
-
-
-def scene(N: sp.csr_array, mass: np.ndarray, v: np.ndarray) -> BoxLCP:
-    """Return the LCP of normals, masses and velocities, both by degree of freedom."""
-    A = sp.csr_array(N.T @ sp.diags_array(1.0 / mass) @ N)
-    A.sort_indices()
-    return nonnegative(A, N.T @ v)
+    return lcp(touches.scene(centre, mass, velocity))

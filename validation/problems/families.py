@@ -16,7 +16,7 @@ import scipy.sparse as sp
 from qpsolvers import Problem
 
 from namlcp.scenes import disc_pile, preview_control
-from validation.problems import data_sets, osqp_classes
+from validation.problems import data_sets, osqp_classes, sequences
 from validation.problems.contact_scenes import brick_wall, heap
 from validation.problems.known_scenes import (
     BoxLCP,
@@ -39,7 +39,6 @@ from validation.problems.large_scenes import (
 )
 from validation.problems.planted import planted as planted_qp
 from validation.problems.planted import sparse_parts
-from validation.problems.sequences import control
 from validation.problems.sweep_scenes import paper_example
 
 PAPER_SIDES = (10, 30, 100)  # m of the paper's tables, with n = m^2 unknowns
@@ -83,9 +82,9 @@ def paper_task(number: int, delta: float, m: int) -> Task:
 
 def quadcopter(stages: int) -> Task:
     """Return a step of sparse predictive control, 16 unknowns a stage, P definite."""
-    state = np.zeros(control.STATES)
-    state[[3, control.HEIGHT]] = 1.0, 2.0  # where it is, x and z
-    return Task(control.single(control.stagewise_definite, stages, state))
+    state = np.zeros(sequences.STATES)
+    state[[3, sequences.HEIGHT]] = 1.0, 2.0  # where it is, x and z
+    return Task(sequences.single(sequences.stagewise_definite, stages, state))
 
 
 def linear_svm(points: int, features: int = 20) -> Task:

@@ -28,11 +28,13 @@ STAGES = 10  # time steps of `control`
 
 
 class Class(NamedTuple):
-    """A class of problems: make(rng, size) for each of `sizes`, and what a size is."""
+    """A class of problems: make(rng, size) for each of `sizes`.
+
+    A size counts variables, factors (portfolio), features or states (control).
+    """
 
     make: Callable[[np.random.Generator, int], Problem]
     sizes: tuple[int, ...]
-    unit: str
 
 
 def normal(
@@ -179,13 +181,13 @@ def control(rng: np.random.Generator, n: int) -> Problem:
 
 
 CLASSES = {
-    "random": Class(random_qp, (18, 52, 160, 500), "variables"),
-    "equality": Class(equality_qp, (40, 100, 305, 965), "variables"),
-    "portfolio": Class(portfolio, (3, 12, 43, 139), "factors"),
-    "lasso": Class(lasso, (4, 20, 75, 250), "features"),
-    "SVM": Class(svm, (6, 22, 78, 255), "features"),
-    "Huber": Class(huber, (2, 15, 70, 245), "features"),
-    "control": Class(control, (8, 24, 78, 250), "states"),
+    "random": Class(random_qp, (18, 52, 160, 500)),
+    "equality": Class(equality_qp, (40, 100, 305, 965)),
+    "portfolio": Class(portfolio, (3, 12, 43, 139)),
+    "lasso": Class(lasso, (4, 20, 75, 250)),
+    "SVM": Class(svm, (6, 22, 78, 255)),
+    "Huber": Class(huber, (2, 15, 70, 245)),
+    "control": Class(control, (8, 24, 78, 250)),
 }
 
 

@@ -1,4 +1,9 @@
-"""Model-predictive control of a quadcopter, with the stages as unknowns or without.
+"""Sequences of QPs with the same matrices, as a loop meets them; nothing here solves.
+
+SCENES has a maker of each by name: make(size, level) with one of its `sizes` and of
+LEVELS, which says how far the active set moves from a step to the next.
+
+Model-predictive control of a quadcopter, with the stages as unknowns or without,
 
     minimise  sum_k (x_k - r)'Q(x_k - r) / 2 + u_k'R u_k / 2
     subject to  x_{k+1} = F x_k + B u_k,  lower <= x_k <= upper,  least <= u_k <= most
@@ -7,6 +12,27 @@ from the measured state x_0, in a closed loop: the first input is applied, the s
 disturbed, and the height that is wanted changes. Model, limits and weights are those
 of the example "Model predictive control (MPC)" in OSQP's documentation: 12 states
 (three angles, three positions, and the rates of both), 4 rotors, steps of 0.1 s.
+
+Contact: time steps of discs in a box that is shaken (Moreau's scheme, no friction),
+
+    minimise  v'M v / 2 - v'M(v_old + dt g + kicks)   subject to  N'v >= -gap / dt
+
+for the velocities v; then positions += dt v. The normals N stay those of the heap at
+rest, for small motions, so that only q and h change. The gaps are open at first; then
+the discs rattle, and contacts close and open. Units: dt = g = 1.
+
+Portfolio: long-only, its expected returns estimated anew every day,
+
+    minimise  w'(RISK C)w / 2 - r'w   subject to  sum(w) = 1,  0 <= w <= most
+
+with the covariance C of a factor model as a dense matrix.
+
+Lasso path: the penalty falls from where nothing is chosen to a thousandth of it,
+
+    minimise  |X w - y|^2 / 2 + penalty |w|_1,   w = u - v,  u, v >= 0
+
+as QP in (u, v), whose P = [X'X, -X'X; -X'X, X'X] is singular. There are twice as many
+samples as features, of which one in five has an influence.
 """
 
 import itertools
@@ -18,6 +44,7 @@ import scipy.sparse as sp
 from qpsolvers import Problem
 
 from validation.harness import qps
+from validation.problems.contact_scenes import heap_of_discs
 
 LEVELS = ("stays", "moves a little", "moves a lot")
 """What the active set does between steps."""
@@ -40,11 +67,10 @@ class Sequence(NamedTuple):
 
 
 class Scene(NamedTuple):
-    """make(size, level) for each of `sizes`, and what a size counts."""
+    """make(size, level) for each of `sizes`: stages, assets, features, contacts."""
 
     make: Callable[[int, str], Sequence]
     sizes: tuple[int, ...]
-    unit: str
 
 
 State = tuple[np.ndarray, np.ndarray]
@@ -95,7 +121,6 @@ def limits() -> tuple[np.ndarray, np.ndarray]:
 
 
 def wanted(step: int, level: str) -> np.ndarray:
-    """Return the state r that is wanted at a step."""
     r = np.zeros(STATES)
     r[HEIGHT] = JUMP[level] * (step // PERIOD % 2)
     return r
@@ -129,12 +154,8 @@ def stagewise(
     F, B = plant()
     every = sp.eye_array(stages + 1)
     past = sp.eye_array(stages + 1, k=-1)
-    P = sp.block_diag(
-        (
-            sp.kron(every, sp.diags_array(weights)),
-            EFFORT * sp.eye_array(INPUTS * stages),
-        )
-    )
+    costs = sp.kron(every, sp.diags_array(weights))
+    P = sp.block_diag((costs, EFFORT * sp.eye_array(INPUTS * stages)))
     dynamics = sp.kron(past, F) - sp.eye_array(STATES * (stages + 1))
     inputs = sp.kron(sp.eye_array(stages + 1, stages, k=-1), B)
     A = sp.hstack((dynamics, inputs))
@@ -173,20 +194,14 @@ def condensed(stages: int, level: str, loop: Loop | None = None) -> Sequence:
         powers.append(F @ powers[-1])
     T = np.vstack(powers[1:])
     zero = np.zeros((STATES, INPUTS))
-    S = np.block(
-        [
-            [powers[k - j] @ B if j <= k else zero for j in range(stages)]
-            for k in range(stages)
-        ]
-    )
+    every = range(stages)
+    blocks = [[powers[k - j] @ B if j <= k else zero for j in every] for k in every]
+    S = np.block(blocks)
     Q = np.tile(WEIGHTS, stages)
     P = S.T @ (Q[:, None] * S) + EFFORT * np.eye(INPUTS * stages)
     P = 0.5 * (P + P.T)
     lower, upper = (np.tile(side, stages) for side in limits())
-    above, below = (
-        np.flatnonzero(np.isfinite(upper)),
-        np.flatnonzero(np.isfinite(lower)),
-    )
+    above, below = (np.flatnonzero(np.isfinite(v)) for v in (upper, lower))
     G = np.vstack((S[above], -S[below]))
 
     def vectors(state: np.ndarray, r: np.ndarray) -> Vectors:
@@ -222,3 +237,94 @@ def steps(
     while True:
         x = yield vectors(*state)
         state = loop.send(None if x is None else x[inputs_at])
+
+
+KICK = dict(zip(LEVELS, (0.01, 0.1, 1.0), strict=True))
+"""Standard deviation of random changes of the velocities, over dt g."""
+GAP = 1.0  # the gaps of the heap at rest: what a disc falls in the first step
+MASSES = 10.0  # the largest mass over the least
+
+
+def shaken_heap(contacts: int, level: str) -> Sequence:
+    """Return the sequence with about so many contacts, sparse."""
+    heap = heap_of_discs(contacts, True, MASSES, seed=contacts)
+    mass = np.repeat(heap.bodies.mass, 2)
+    n, moving = mass.size, np.arange(3 * heap.bodies.mass.size) % 3 < 2  # none turns
+    G = sp.csc_matrix(-heap.jacobian()[:, moving])
+    G.eliminate_zeros()
+    P, h = sp.csc_matrix(sp.diags_array(mass)), np.full(G.shape[0], GAP)
+    problem = Problem(P, np.zeros(n), G, h)
+
+    def steps() -> Steps:
+        rng = np.random.default_rng(contacts)
+        v, moved = np.zeros(n), np.zeros(n)
+        for _ in itertools.count():
+            free = v + KICK[level] * rng.standard_normal(n)
+            free[1::2] -= 1.0
+            h = GAP - G @ moved
+            found = yield {"q": -mass * free, "h": h}
+            v = np.zeros(n) if found is None else found
+            moved = moved + v
+
+    return Sequence(problem, steps())
+
+
+NEWS = dict(zip(LEVELS, (1e-3, 1e-2, 1e-1), strict=True))
+"""Change of the expected returns, over their own spread, from one day to the next."""
+RISK = 5.0  # aversion
+SHARE, FEWEST = 0.1, 4.0  # largest share; at least this many can fill the budget
+POOR = 0.9  # part of the expected returns that is not forgotten
+
+
+def rebalancing(assets: int, level: str) -> Sequence:
+    """Return the sequence with so many assets and a tenth as many factors."""
+    rng = np.random.default_rng(assets)
+    loadings = 0.3 * rng.standard_normal((assets, assets // 10))
+    specific = 0.05 + 0.1 * rng.random(assets)
+    P = RISK * (loadings @ loadings.T + np.diag(specific))
+    first = rng.standard_normal(assets)
+    bounds = np.zeros(assets), np.full(assets, max(SHARE, FEWEST / assets))
+    problem = Problem(P, -first, None, None, np.ones((1, assets)), np.ones(1), *bounds)
+    return Sequence(problem, days(first, NEWS[level], rng))
+
+
+def days(returns: np.ndarray, news: float, rng: np.random.Generator) -> Steps:
+    """Yield q = -r; r wanders about where it began, so that its spread stays."""
+    wander = np.zeros(returns.size)
+    for _ in itertools.count():
+        yield {"q": -(returns + wander)}
+        wander = POOR * wander + news * rng.standard_normal(returns.size)
+
+
+VALUES = dict(zip(LEVELS, (1000, 100, 20), strict=True))
+"""Values of the penalty on the whole path."""
+LAST = 1e-3  # the last penalty over the first
+ERROR = 0.5  # of y
+
+
+def penalty_path(features: int, level: str) -> Sequence:
+    rng = np.random.default_rng(features)
+    X = rng.standard_normal((2 * features, features)) / np.sqrt(2 * features)
+    w = rng.standard_normal(features) * (rng.random(features) < 0.2)
+    y = X @ w + ERROR * rng.standard_normal(2 * features)
+    C, c = X.T @ X, X.T @ y
+    P = np.block([[C, -C], [-C, C]])
+    linear, ones = np.append(-c, c), np.ones(2 * features)
+    penalties = np.abs(c).max() * np.geomspace(1.0, LAST, VALUES[level])
+    problem = Problem(P, linear + penalties[0] * ones, lb=0.0 * ones)
+
+    def steps() -> Steps:
+        for penalty in penalties:
+            yield {"q": linear + penalty * ones}
+
+    return Sequence(problem, steps())
+
+
+SCENES = {
+    "condensed MPC": Scene(condensed, (5, 10, 25)),
+    "sparse MPC": Scene(stagewise, (10, 30, 60)),
+    "sparse MPC, definite": Scene(stagewise_definite, (10, 30, 60)),
+    "portfolio": Scene(rebalancing, (50, 200, 500)),
+    "lasso path": Scene(penalty_path, (10, 50, 200)),
+    "contact": Scene(shaken_heap, (30, 120, 500)),
+}
