@@ -3,9 +3,8 @@
 JOBS names the CSV files and the commands that make them. A file is up to date while its
 stamp, a hash of the sources that its commands depend on, is that of now; a stopped run
 goes on there, and the long commands within their CSV files. --full waits until the
-machine is quiet (`harness.quiet`), with --busy one other process may run. Of an older
-run the rows of peers that were late are kept (`processes.keep_peers`). What a command
-printed is in OUT/logs. At the end stands what became of each claim since the run began.
+machine is quiet (`harness.quiet`), with --busy one other process may run. What a
+command printed is in OUT/logs. At the end stands what became of each claim.
 `--full --out validation` renews the repository's own files, and its README files.
 
 --only takes jobs by their names, --list tells the minutes on one quiet core, --again
@@ -23,7 +22,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from validation.claims import DOCUMENTS, claims, moved, values, written
-from validation.harness import cli, processes, quiet
+from validation.harness import cli, quiet
 
 LOWER_ROOMS = ("harness", "problems", "applications", "derivatives")
 """Rooms that the scripts of others import."""
@@ -33,8 +32,7 @@ class Job(NamedTuple):
     """CSV files, the commands that make them one a line, and the minutes they take.
 
     {csv}, {data}, {results} and {figures} stand for paths, {quick} for --quick where
-    there is a quick version. A job that `grows` goes on where its files stop; of the
-    solvers `settled` it keeps every row.
+    there is a quick version. A job that `grows` goes on where its files stop.
     """
 
     files: str
@@ -42,7 +40,6 @@ class Job(NamedTuple):
     minutes: float
     quick: float = 0.0
     grows: bool = False
-    settled: str = ""
 
     @property
     def name(self) -> str:
@@ -56,55 +53,42 @@ class Job(NamedTuple):
 
 
 def suite(
-    file: str,
-    script: str,
-    minutes: float,
-    quick: float = 0.0,
-    settled: str = "",
-    data: bool = False,
-    plot: bool = False,
+    file: str, script: str, minutes: float, quick: float = 0.0, plot: bool = False
 ) -> Job:
     """Return the job of a suite: one file, and a chart of it with `plot`."""
     first, _, part = script.partition(" ")
-    given = f"--csv {{csv}} --go-on {'--data {data}' if data else ''}"
-    commands = f"{first} {part or 'run'} {'{quick}' if quick else ''} {given}"
+    commands = (
+        f"{first} {part or 'run'} {{quick}} --csv {{csv}} --go-on --data {{data}}"
+    )
     if plot:
         commands += f"\n{first} plot --csv {{csv}} --figures {{figures}}"
-    return Job(file, commands, minutes, quick, True, settled)
+    return Job(file, commands, minutes, quick, True)
 
-
-SLOW = "clarabel osqp proxqp moreau qtqp"
-"""Peers of which nothing is claimed but that their times are larger."""
-GREY = "scs highs quadprog moreau qtqp"
-"""Peers that the first figure draws in grey."""
 
 JOBS = (
-    suite("maros-meszaros", "peers.benchmark maros-meszaros", 40.0, 0.0, SLOW,
-          data=True),
+    suite("maros-meszaros", "peers.benchmark maros-meszaros", 40.0),
     suite("classes", "peers.benchmark classes", 4.0),
-    suite("infeasible", "peers.infeasible", 4.0, data=True),
+    suite("infeasible", "peers.infeasible", 4.0),
     suite("cvxpy-models", "applications.cvxpy_models", 5.0),
     suite("cvxpy-resolve", "applications.cvxpy_resolve", 4.0),
-    suite("benchmark", "peers.benchmark sets", 6.0, 0.0, SLOW, data=True),
-    suite("sequences", "repeated.sequences", 7.0, 0.5, "osqp proxqp"),
+    suite("benchmark", "peers.benchmark sets", 6.0),
+    suite("sequences", "repeated.sequences", 7.0, 0.5),
     suite("latency", "repeated.latency", 4.0, 0.3, plot=True),
     suite("batches", "repeated.batches", 3.0, 0.2),
     suite("general-lcps", "general.benchmark", 6.0, 1.5),
     suite("time-stepping", "general.stepping", 3.0, 0.5),
     suite("generalisation-families",
           "peers.benchmark families --solvers nam piqp", 2.0),
-    suite("generalisation", "peers.benchmark changes --solvers nam", 4.0,
-          data=True),
+    suite("generalisation", "peers.benchmark changes --solvers nam", 4.0),
     suite("derivatives", "derivatives.differences", 3.0, 1.0),
     suite("derivatives-peers", "derivatives.packages", 3.0, 1.0),
-    suite("closest", "derivatives.closest", 2.0, 1.0, data=True),
-    suite("contact", "peers.lcp contact", 1.0, data=True),
+    suite("closest", "derivatives.closest", 2.0, 1.0),
+    suite("contact", "peers.lcp contact", 1.0),
     suite("example1", "peers.lcp example1", 1.0),
     suite("first-call", "peers.lcp first-call", 1.0),
     suite("large", "applications.large", 12.0, plot=True),
-    suite("work-precision-problems", "peers.work_precision", 12.0, 3.5, GREY,
-          data=True, plot=True),
-    suite("oracles", "oracles.agreement", 10.0, 1.0, data=True),
+    suite("work-precision-problems", "peers.work_precision", 12.0, 3.5, plot=True),
+    suite("oracles", "oracles.agreement", 10.0, 1.0),
     suite("hertz", "applications.hertz", 1.0),
     suite("american-put", "applications.american_put", 0.2),
     Job("paper-tables", """
@@ -114,7 +98,7 @@ JOBS = (
     Job("stability stability-units", """
         paper.stability --results {results} --figures {figures}
         """, 4.0),
-    suite("parameters", "paper.parameters", 4.0, data=True),
+    suite("parameters", "paper.parameters", 4.0),
     Job("h_plus h_plus-definition convergence-proofs", """
         paper.h_plus --results {results}
         """, 2.0),
@@ -122,7 +106,7 @@ JOBS = (
         stress.campaign --csv {csv} --seeds 1 2 3
         stress.campaign --csv {csv} --seeds 1 --problems 10000 \
         --classes general values sequences batches derivatives closest
-        stress.campaign --csv {csv} --seeds 1 \
+        stress.campaign --csv {csv} --seeds 1 --problems 30000 \
         --solvers osqp piqp clarabel daqp quadprog
         """, 26.0, grows=True),
 )  # fmt: skip
@@ -143,7 +127,7 @@ def begin(job: Job, now: str, out: Path) -> None:
     for name in job.files.split() if job.grows else ():
         begun = out / "stamps" / f"{name}.begun"
         if not begun.exists() or begun.read_text() != now:
-            processes.keep_peers(out / "results" / f"{name}.csv", job.settled.split())
+            (out / "results" / f"{name}.csv").unlink(missing_ok=True)
             begun.write_text(now)
 
 

@@ -23,7 +23,7 @@ mpl.use("Agg")
 WIDTH = 9.0  # [in]
 BLUE, CYAN, GREEN, PURPLE = "#4477AA", "#66CCEE", "#228833", "#AA3377"
 YELLOW, RED = "#CCBB44", "#EE6677"
-WINE, TEAL = "#882255", "#44AA99"
+TEAL = "#44AA99"
 ORANGE, GREY, BLACK = "#EE7733", "#999999", "#000000"
 DARK = "#555555"
 LIGHT = "#CFCFCF"
@@ -49,7 +49,6 @@ SOLVERS = {
     "quadprog": (BLACK, "<"),
     "scs": (GREY, ">"),
     "highs": (ORANGE, "h"),
-    "moreau": (WINE, "X"),
     "qtqp": (TEAL, "p"),
 }
 """Colour and marker of every solver."""

@@ -1,4 +1,4 @@
-"""QPs in conic form, and moreau, which takes no other and has no qpsolvers interface.
+"""QPs in conic form.
 
 ``minimise 1/2 x'Px + q'x  subject to  C x + s = d``, s = 0 in the first p rows, s >= 0
 below: the equalities, Gx <= h, then the finite upper and lower bounds.
@@ -33,25 +33,3 @@ def unstacked(problem: Problem, x: Any, multipliers: Any, found: bool) -> Soluti
     answer.z_box[up] += above
     answer.z_box[low] -= below
     return answer
-
-
-def solve_moreau(problem: Problem, **settings: Any) -> Solution:
-    """Return what moreau's interior-point or active-set method answers, on one core."""
-    import moreau
-
-    C, d, p = stacked(problem)
-    kept = np.isfinite(d)
-    cones = moreau.Cones(num_zero_cones=p, num_nonneg_cones=int(kept.sum()) - p)
-    solver = moreau.Solver(
-        sp.csr_array(problem.P), problem.q, C[kept], d[kept], cones,
-        moreau.Settings(
-            device="cpu", time_limit=settings["time_limit"],
-            ipm_settings=moreau.IPMSettings(**settings["ipm"]),
-            active_set_settings=moreau.ActiveSetSettings(**settings["active_set"]),
-        ),
-    )  # fmt: skip
-    solution = solver.solve()
-    multipliers = np.zeros(d.size)
-    multipliers[kept] = solution.z
-    found = solver.info.status == moreau.SolverStatus.Solved
-    return unstacked(problem, solution.x, multipliers, found)

@@ -14,8 +14,6 @@ import qpsolvers
 from validation.harness import quiet
 
 PACKAGES = {"nam": "namlcp", "proxqp": "proxsuite", "highs": "highspy"}
-OWN_INTERFACES = {"nam": "namlcp", "moreau": "moreau"}
-"""Packages of solvers that qpsolvers does not know, or only once it is imported."""
 THREADS = ("OMP", "OPENBLAS", "MKL", "NUMEXPR", "RAYON")
 """Libraries whose threads an environment variable limits."""
 
@@ -79,7 +77,7 @@ def installed(
 
     Names the others. `packages` are those of solvers that qpsolvers does not know.
     """
-    packages = OWN_INTERFACES | (packages or {})
+    packages = {"nam": "namlcp"} | (packages or {})
     found = []
     for solver in solvers:
         name = solver.split()[0]

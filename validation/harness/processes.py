@@ -4,12 +4,10 @@ import multiprocessing as mp
 import os
 import resource
 import warnings
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from multiprocessing.connection import Connection
-from pathlib import Path
 from typing import Any, NamedTuple, Self
 
-from validation.harness import cli, csv_files, machine, tables
 from validation.harness.csv_files import Row
 from validation.harness.quiet import wait_until_quiet
 
@@ -17,8 +15,7 @@ GRACE = 2.0  # [s] on top of the time limit before a child process is ended
 LOADING = 120.0  # [s] to read a problem, warm up and, once, compile
 MEMORY = 8 << 30  # bytes of address space of a child process
 LATE = {"timeout", "too slow"}  # what a row says that ran into the time limit
-OURS = ("nam", "sweep")  # first words of what is measured anew in every run
-KEPT = "kept of an earlier run: what peers of these versions missed by the time limit"
+OURS = ("nam", "sweep")  # first words of what is ours
 READY = "ready"  # the message with which the clock of a request starts
 
 
@@ -118,43 +115,3 @@ class Bench:
         if not self.pipe.poll(seconds):
             raise TimeoutError
         return self.pipe.recv()
-
-
-def keep_peers(file: Path, whole: Collection[str] = ()) -> None:
-    """Clear a file that another run has left, but for peers that were late.
-
-    Of the solvers `whole` all rows are kept. The rows of peers do not depend on our
-    code, and to ask again is much of a run's time. They go where the processor or the
-    version of the peer is another one now. Where there is no such file, the
-    repository's own of that name is taken.
-    """
-    other = file if file.exists() else cli.RESULTS / file.name
-    rows = csv_files.read(other)
-    solvers = tables.distinct(rows, "solver") if rows and "solver" in rows[0] else []
-    header = machine.lines(solvers)
-    now, then = said(header), said(csv_files.header(other) if rows else [])
-    same = {
-        solver
-        for solver in solvers
-        if (word := solver.split()[0]) not in OURS
-        for package in [machine.PACKAGES.get(word, word)]
-        if all(now[name] == then.get(name) for name in ("cpu", package))
-    }
-    kept = [
-        row
-        for row in rows
-        if row.get("solver") in same
-        and (row.get("status") in LATE or row["solver"] in whole)
-    ]
-    file.unlink(missing_ok=True)
-    if kept:
-        more = [f"all rows of {s}" for s in whole if s in same]
-        csv_files.write(file, [*header, "; ".join([KEPT, *more])], kept)
-
-
-def said(header: list[str]) -> dict[str, str]:
-    """Return the processor ("cpu") and the version of each package in a header."""
-    lines = dict(line.split(": ", 1) for line in header if ": " in line)
-    packages = lines.get("versions", "").split(", ")
-    known = dict(entry.rsplit(" ", 1) for entry in packages if " " in entry)
-    return known | {"cpu": lines.get("cpu", "")}

@@ -11,10 +11,8 @@ import qpsolvers
 import scipy.sparse as sp
 from qpsolvers import Problem, Solution
 
-from validation.harness.conic import solve_moreau, stacked, unstacked
+from validation.harness.conic import stacked, unstacked
 from validation.harness.qps import sparse
-
-SOLVERS = ("nam", "piqp", "daqp", "proxqp", "clarabel", "osqp", "moreau", "qtqp")
 
 
 def settings(solver: str, eps: float, limit: float) -> dict[str, Any]:
@@ -57,15 +55,6 @@ def settings(solver: str, eps: float, limit: float) -> dict[str, Any]:
             "time_limit": limit,
         },
         "quadprog": {},
-        "moreau": {
-            "time_limit": limit,
-            "ipm": {  # 0 is refused
-                "tol_feas": eps,
-                "tol_gap_abs": eps,
-                "tol_gap_rel": 1e-300,
-            },
-            "active_set": {"primal_tol": eps, "dual_tol": eps},
-        },
         "qtqp": {"tol_feas": eps, "tol_gap_abs": eps, "tol_gap_rel": 0.0},
     }
     return known[solver]
@@ -74,12 +63,8 @@ def settings(solver: str, eps: float, limit: float) -> dict[str, Any]:
 def solve(problem: Problem, solver: str, **settings: Any) -> Solution:
     """Return what a solver answers, HiGHS's to bounds alone given to it as rows.
 
-    moreau is called past qpsolvers, which does not know it.
-
     As bounds HiGHS 1.15 calls x = 0 optimal on contact problems where it is not.
     """
-    if solver == "moreau":
-        return solve_moreau(problem, **settings)
     if solver == "qtqp":  # warns of every matrix that it has to convert
         problem = sparse(problem)
     alone = problem.h is None and problem.b is None

@@ -273,9 +273,7 @@ SUITE = Suite(
     complete=complete,
     columns="family problem solver eps n runtime residual error missed status",
     keys="family problem solver eps",
-    solvers=tuple(
-        "nam piqp proxqp daqp quadprog clarabel osqp scs highs moreau qtqp".split()
-    ),
+    solvers=tuple("nam piqp proxqp daqp quadprog clarabel osqp scs highs qtqp".split()),
     tolerances=tuple(10.0**-k for k in range(2, 13, 2)),
     limit=5.0,
     quick={"eps": (1e-3, 1e-6, 1e-9), "limit": 2.0},

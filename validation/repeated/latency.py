@@ -8,12 +8,13 @@ size.
 
 import statistics
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import qpsolvers
 from matplotlib import pyplot as plt
-from qpsolvers import Problem, Solution
+from qpsolvers import Problem
 
 from validation.harness import (
     Job,
@@ -39,24 +40,16 @@ def problems(n: int) -> list[Problem]:
     return [Problem(*parts) for parts in zip(*stack, strict=True)]
 
 
-def called(problem: Problem, solver: str, eps: float, limit: float) -> Solution:
-    settings = qp_solvers.settings(solver, eps, limit)
-    if solver == "moreau":  # which qpsolvers does not know
-        return qp_solvers.solve(problem, solver, **settings)
-    return qpsolvers.solve_problem(problem, solver=solver, **settings)
-
-
 def measured(job: Job, n: int, eps: float) -> Row:
-    some = problems(n)
-    called(problems(2)[0], job.solver, eps, job.limit)
+    some, settings = problems(n), qp_solvers.settings(job.solver, eps, job.limit)
+    ask = partial(qpsolvers.solve_problem, solver=job.solver, **settings)
+    ask(problems(2)[0])
     job.ready()
     medians, judged = [], []
     for problem in some:
         best = np.inf
         for _ in range(ROUNDS):
-            solution, _, median = timing.median_time(
-                lambda problem=problem: called(problem, job.solver, eps, job.limit)
-            )
+            solution, _, median = timing.median_time(partial(ask, problem))
             best = min(best, median)
             if best > LONG:
                 break
@@ -117,7 +110,7 @@ SUITE = Suite(
     work=measured,
     columns="n m solver eps microseconds solved problems residual status",
     keys="n solver eps",
-    solvers=(*qp_solvers.SOLVERS, "quadprog"),
+    solvers=tuple("nam piqp daqp proxqp clarabel osqp quadprog".split()),
     tolerances=(1e-6,),
     limit=20.0,
     late=Late(by="n", same=(), copied=False),

@@ -37,7 +37,7 @@ COLUMNS = (
     "scene size level solver variables inequalities equalities steps solved "
     "microseconds residual difference status"
 )
-STEPS, QUICK_STEPS = 200, 12
+STEPS, QUICK_STEPS = 100, 12
 
 
 class Recorded(NamedTuple):
