@@ -85,7 +85,7 @@ JOBS = (
     suite("closest", "derivatives.closest", 2.0, 1.0),
     suite("contact", "peers.lcp contact", 1.0),
     suite("example1", "peers.lcp example1", 1.0),
-    suite("first-call", "peers.lcp first-call", 1.0),
+    suite("first-call", "peers.first_call", 1.0),
     suite("large", "applications.large", 12.0, plot=True),
     suite("work-precision-problems", "peers.work_precision", 12.0, 3.5, plot=True),
     suite("oracles", "oracles.agreement", 10.0, 1.0),

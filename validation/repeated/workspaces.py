@@ -6,7 +6,7 @@ solvers are told what `harness.qp_solvers` says, and start from their last answe
 they can. A module of a solver is imported where it is used.
 """
 
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -17,22 +17,6 @@ from validation.harness import qp_solvers, qps
 
 Vectors = dict[str, np.ndarray]
 INFINITY = 1e30  # what DAQP and PIQP take for infinity
-
-
-class Workspace(Protocol):
-    """A solver and the QP that it was set up with."""
-
-    def __init__(self, problem: Problem, eps: float) -> None:
-        """Set up for absolute tolerance eps."""
-
-    def prepared(self, vectors: Vectors) -> Any:
-        """Return the arguments of `step` for new values of some of q, h, b, lb, ub."""
-
-    def step(self, arguments: Any) -> None:
-        """Update, and solve."""
-
-    def solution(self, problem: Problem) -> Solution:
-        """Return the last answer, to a problem with all vectors as they are now."""
 
 
 def told(solver: str, eps: float) -> dict[str, Any]:
@@ -88,48 +72,6 @@ class Kept(Calls):
         self.result = self.solver.solve()
 
 
-class Daqp:
-    """DAQP's Model; rows: bounds, G, A."""
-
-    def __init__(self, problem: Problem, eps: float) -> None:
-        import daqp
-
-        P, q, G, h, A, b, lb, ub = qps.parts(qps.filled(problem))
-        self.vectors = {"q": q, "h": h, "b": b, "lb": lb, "ub": ub}
-        rows = np.vstack([C.toarray() if sp.issparse(C) else C for C in (G, A)])
-        sense = np.zeros(q.size + h.size + b.size, dtype=np.int32)
-        sense[q.size + h.size :] = 5  # equations
-        self.model = daqp.Model()
-        f, upper, lower = self.prepared({})
-        self.model.setup(P, f, rows, upper, lower, sense)
-        self.model.settings = told("daqp", eps)
-        self.answer = self.model.solve()
-
-    def prepared(self, vectors: Vectors) -> tuple[Any, Any, Any]:
-        self.vectors = now = self.vectors | vectors
-        if set(vectors) == {"q"}:
-            return now["q"], None, None
-        upper = np.concatenate((now["ub"], now["h"], now["b"]))
-        lower = np.concatenate((now["lb"], np.full(now["h"].size, -INFINITY), now["b"]))
-        f = now["q"] if "q" in vectors or not vectors else None
-        return (
-            f,
-            np.clip(upper, -INFINITY, INFINITY),
-            np.clip(lower, -INFINITY, INFINITY),
-        )
-
-    def step(self, arguments: tuple[Any, Any, Any]) -> None:
-        f, upper, lower = arguments
-        self.model.update(f=f, bupper=upper, blower=lower)
-        self.answer = self.model.solve()
-
-    def solution(self, problem: Problem) -> Solution:
-        x, _, flag, info = self.answer
-        n, m = problem.q.size, 0 if problem.h is None else problem.h.size
-        lam = info["lam"]
-        return answered(problem, flag > 0, x, (lam[n + m :], lam[n : n + m], lam[:n]))
-
-
 class Piqp:
     """PIQP's dense or sparse solver."""
 
@@ -167,48 +109,114 @@ class Piqp:
         return answered(problem, self.status == self.solved, r.x, multipliers)
 
 
-class Proxqp:
-    """ProxQP's dense or sparse solver; rows: G, bounds."""
+class Stacked:
+    """A solver of rows lower <= C x <= upper: those of G, of A, and bounds.
+
+    `order` has the parts that are rows, by their vectors; `names` are those of q, lower
+    and upper in an update.
+    """
+
+    order: tuple[str, ...] = ("h", "b", "box")
+    names = "q", "l", "u"
+    infinity = np.inf
 
     def __init__(self, problem: Problem, eps: float) -> None:
+        P, q, G, h, A, b, lb, ub = qps.parts(problem)
+        self.now = {"q": q, "h": h, "b": b, "lb": lb, "ub": ub}
+        if problem.lb is None and problem.ub is None and self.names[0] == "g":
+            self.order = ("h",)
+        rows = {"h": G, "b": A, "box": sp.eye(q.size)}
+        C = sp.vstack([sp.csc_matrix(rows[part]) for part in self.order], format="csc")
+        self.setup(P, A, C, eps)
+
+    def setup(self, P: Any, A: Any, C: sp.csc_matrix, eps: float) -> None:
+        """Set up, and solve once."""
+        raise NotImplementedError
+
+    def sides(self, part: str) -> tuple[np.ndarray, np.ndarray]:
+        now = self.now
+        if part == "h":
+            return np.full(now["h"].size, -np.inf), now["h"]
+        return (now["b"], now["b"]) if part == "b" else (now["lb"], now["ub"])
+
+    def prepared(self, vectors: Vectors) -> Vectors:
+        self.now = self.now | vectors
+        q, l, u = self.names
+        arguments = {q: vectors["q"]} if "q" in vectors else {}
+        if vectors.keys() - ({"q"} if "b" in self.order else {"q", "b"}):
+            lower, upper = zip(*map(self.sides, self.order), strict=True)
+            arguments[l] = np.maximum(np.concatenate(lower), -self.infinity)
+            arguments[u] = np.minimum(np.concatenate(upper), self.infinity)
+        return arguments
+
+    def answered(self, problem: Problem, found: bool, x: Any, v: Any, y: Any) -> Any:
+        """Return a solution from the multipliers v of the rows."""
+        sizes = [self.sides(part)[0].size for part in self.order]
+        parts = np.split(np.asarray(v), np.cumsum(sizes)[:-1])
+        by_name = {"b": y, "box": np.zeros(0)} | dict(
+            zip(self.order, parts, strict=True)
+        )
+        return answered(problem, found, x, tuple(by_name[k] for k in ("b", "h", "box")))
+
+
+class Daqp(Stacked):
+    """DAQP's Model."""
+
+    order = ("box", "h", "b")
+    names = "f", "blower", "bupper"
+    infinity = INFINITY
+
+    def setup(self, P: Any, A: Any, C: sp.csc_matrix, eps: float) -> None:
+        import daqp
+
+        rows = C.toarray()[P.shape[0] :]  # the bounds are not among them
+        sense = np.zeros(C.shape[0], dtype=np.int32)
+        sense[C.shape[0] - A.shape[0] :] = 5  # equations
+        self.model = daqp.Model()
+        now = self.prepared(self.now)
+        P = P.toarray() if sp.issparse(P) else P
+        self.model.setup(P, now["f"], rows, now["bupper"], now["blower"], sense)
+        self.model.settings = told("daqp", eps)
+        self.answer = self.model.solve()
+
+    def step(self, arguments: Vectors) -> None:
+        self.model.update(**arguments)
+        self.answer = self.model.solve()
+
+    def solution(self, problem: Problem) -> Solution:
+        x, _, flag, info = self.answer
+        return self.answered(problem, flag > 0, x, info["lam"], None)
+
+
+class Proxqp(Stacked):
+    """ProxQP's dense or sparse solver; equations are no rows."""
+
+    order = ("h", "box")
+    names = "g", "l", "u"
+    infinity = 1e20
+
+    def setup(self, P: Any, A: Any, C: sp.csc_matrix, eps: float) -> None:
         from proxsuite import proxqp
 
-        P, q, G, h, A, b, lb, ub = qps.parts(problem)
-        n = q.size
-        self.vectors = {"q": q, "h": h, "b": b, "lb": lb, "ub": ub}
-        self.bounded = problem.lb is not None or problem.ub is not None
         room = proxqp.sparse if sp.issparse(P) else proxqp.dense
-        C = sp.vstack((G, sp.eye(n))) if self.bounded else G
-        form = sp.csc_matrix
         if not sp.issparse(P):
             A, C = (M.toarray() if sp.issparse(M) else M for M in (A, C))
-            form = np.asarray
-        self.qp = room.QP(n, b.size, C.shape[0])
+        form = sp.csc_matrix if sp.issparse(P) else np.asarray
+        self.qp = room.QP(P.shape[0], A.shape[0], C.shape[0])
         for key, value in told("proxqp", eps).items():
             setattr(self.qp.settings, key, value)
         start = proxqp.InitialGuess.WARM_START_WITH_PREVIOUS_RESULT
         self.qp.settings.initial_guess = start
         self.solved = proxqp.QPSolverOutput.PROXQP_SOLVED
-        arguments = self.prepared(self.vectors)
-        sides = arguments["l"], arguments["u"]
-        rows = (form(A), b) if b.size else (None, None)
-        self.qp.init(form(P), q, *rows, form(C), *sides)
+        now = self.prepared(self.now)
+        equations = (form(A), self.now["b"]) if A.shape[0] else (None, None)
+        self.qp.init(form(P), now["g"], *equations, form(C), now["l"], now["u"])
         self.qp.solve()
 
     def prepared(self, vectors: Vectors) -> Vectors:
-        self.vectors = now = self.vectors | vectors
-        arguments = {}
-        if "q" in vectors:
-            arguments["g"] = now["q"]
-        if "b" in vectors and now["b"].size:
-            arguments["b"] = now["b"]
-        if vectors.keys() & {"h", "lb", "ub"}:
-            none = np.full(now["h"].size, -np.inf)
-            lower, upper = [none], [now["h"]]
-            if self.bounded:
-                lower, upper = [none, now["lb"]], [now["h"], now["ub"]]
-            arguments["l"] = np.maximum(np.concatenate(lower), -1e20)
-            arguments["u"] = np.minimum(np.concatenate(upper), 1e20)
+        arguments = super().prepared(vectors)
+        if "b" in vectors and vectors["b"].size:
+            arguments["b"] = vectors["b"]
         return arguments
 
     def step(self, arguments: Vectors) -> None:
@@ -217,36 +225,20 @@ class Proxqp:
 
     def solution(self, problem: Problem) -> Solution:
         r = self.qp.results
-        m = self.vectors["h"].size
-        return answered(
-            problem, r.info.status == self.solved, r.x, (r.y, r.z[:m], r.z[m:])
-        )
+        return self.answered(problem, r.info.status == self.solved, r.x, r.z, r.y)
 
 
-class Osqp:
-    """OSQP; rows: G, A, bounds."""
+class Osqp(Stacked):
+    """OSQP."""
 
-    def __init__(self, problem: Problem, eps: float) -> None:
+    def setup(self, P: Any, A: Any, C: sp.csc_matrix, eps: float) -> None:
         import osqp
 
-        P, q, G, h, A, b, lb, ub = qps.parts(problem)
-        self.vectors = {"q": q, "h": h, "b": b, "lb": lb, "ub": ub}
-        C = sp.vstack([sp.csc_matrix(M) for M in (G, A, sp.eye(q.size))], format="csc")
         self.solver = osqp.OSQP()
-        sides = self.prepared(self.vectors)
-        options = told("osqp", eps) | {"max_iter": 100_000}
+        options = told("osqp", eps) | {"max_iter": 100_000, "verbose": False}
         P = sp.triu(P, format="csc")
-        self.solver.setup(P=P, A=C, **sides, verbose=False, **options)
+        self.solver.setup(P=P, A=C, **self.prepared(self.now), **options)
         self.answer = self.solver.solve(raise_error=False)
-
-    def prepared(self, vectors: Vectors) -> Vectors:
-        self.vectors = now = self.vectors | vectors
-        arguments = {"q": now["q"]} if "q" in vectors else {}
-        if vectors.keys() & {"h", "b", "lb", "ub"}:
-            none = np.full(now["h"].size, -np.inf)
-            arguments["l"] = np.concatenate((none, now["b"], now["lb"]))
-            arguments["u"] = np.concatenate((now["h"], now["b"], now["ub"]))
-        return arguments
 
     def step(self, arguments: Vectors) -> None:
         self.solver.update(**arguments)
@@ -254,12 +246,10 @@ class Osqp:
 
     def solution(self, problem: Problem) -> Solution:
         r = self.answer
-        m, p = self.vectors["h"].size, self.vectors["b"].size
-        parts = r.y[m : m + p], r.y[:m], r.y[m + p :]
-        return answered(problem, r.info.status == "solved", r.x, parts)
+        return self.answered(problem, r.info.status == "solved", r.x, r.y, None)
 
 
-WORKSPACES: dict[str, type[Workspace]] = {
+WORKSPACES: dict[str, Any] = {
     "nam": Kept,
     "nam by calls": Calls,
     "daqp": Daqp,
