@@ -16,7 +16,7 @@ classes
     into the limit is not tried at a larger size of its class. Every problem has a
     solution.
 families
-    Random QPs around a planted primal-dual solution (`planted`); the size comes from
+    Random QPs around a planted primal-dual solution (`draw`); the size comes from
     the seed as well. Like the next, no constants were tuned on them.
 changes
     Maros-Meszaros problems with their data changed. noise: every stored number times
@@ -40,7 +40,7 @@ from qpsolvers import Problem
 
 from validation.harness import Job, Row, judging, processes, qp_solvers, qps, timing
 from validation.harness.suite import Args, Late, Suite
-from validation.problems import data_sets, infeasible_cases, osqp_classes, planted
+from validation.problems import data_sets, draw, infeasible_cases, osqp_classes
 
 COLUMNS = (
     "problem set solver eps runtime cold found "
@@ -88,11 +88,11 @@ def load_class(_: Path, name: str, size: str) -> Problem:
 
 def load_changed(data: Path, kind: str, name: str) -> Problem:
     """Return the problem of a family and seed, or a changed Maros-Meszaros problem."""
-    if kind in planted.FAMILIES:
-        return planted.FAMILIES[kind](np.random.default_rng(int(name)))
+    if kind in draw.FAMILIES:
+        return draw.random_qp(np.random.default_rng(int(name)), draw.FAMILIES[kind])
     seed = int.from_bytes(name.encode(), "big") % 2**32  # the same in every run
     problem = data_sets.maros_problem(data, name, dense=False)
-    return planted.CHANGES[kind](problem, np.random.default_rng(seed))
+    return draw.CHANGES[kind](problem, np.random.default_rng(seed))
 
 
 def measure_changed(job: Job, kind: str, name: str, eps: float) -> Row:
@@ -142,11 +142,11 @@ def of_kinds(kinds: Iterable[str], names: list[str], args: Args) -> Iterator[Row
 
 
 def of_families(args: Args) -> Iterator[Row]:
-    return of_kinds(planted.FAMILIES, [str(seed) for seed in range(SEEDS)], args)
+    return of_kinds(draw.FAMILIES, [str(seed) for seed in range(SEEDS)], args)
 
 
 def of_changes(args: Args) -> Iterator[Row]:
-    return of_kinds(planted.CHANGES, data_sets.set_names(args.data, "all"), args)
+    return of_kinds(draw.CHANGES, data_sets.set_names(args.data, "all"), args)
 
 
 SUITE = Suite(

@@ -1,13 +1,17 @@
 """QPs and LCPs with a known solution: what all sets, and the tests, plant them with.
 
-`around` makes the QP that a point solves. The dials are what is passed to it: the rank
-and condition of P (`definite`), rows that depend on each other, units, which rows and
-bounds hold with equality (slack 0) and which of those are weak (multiplier 0).
+`around` makes the QP that a point solves, `planted` one around a random point. The
+dials of a random QP are those of `Dials`; `definite` has a condition. CHANGES are what
+may be done to the data of a QP.
 """
 
+from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy.sparse as sp
+from qpsolvers import Problem
 
 Rng = np.random.Generator
 
@@ -48,18 +52,177 @@ def definite(rng: Rng, n: int, condition: float) -> np.ndarray:
     return 0.5 * (A + A.T)
 
 
-def opposite(
-    rng: Rng, n: int, scale: np.ndarray | float = 1.0
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return z and w, one of each pair 0 and the other exponential, w times scale."""
-    free = rng.random(n) < 0.5
-    size = rng.exponential(size=n)
-    return np.where(free, size, 0.0), np.where(free, 0.0, size * scale)
-
-
 def pair(rng: Rng, n: int, both: float = 0.1) -> tuple[np.ndarray, np.ndarray]:
     """Return complementary z and w, half of z positive, a share where both are 0."""
     kind = rng.random(n)
     z = rng.exponential(size=n) * (kind < 0.5)
     w = rng.exponential(size=n) * (kind > 0.5 + both)
     return z, w
+
+
+def planted(
+    rng: Rng,
+    P: Any,
+    G: Any,
+    A: Any,
+    active: float = 0.3,
+    weak: float = 0.0,
+    box: float = 0.5,
+) -> Problem:
+    """Return a QP with these matrices around a random complementary point.
+
+    A share `active` of the rows, and of the finite sides of a share `box` of the
+    variables, holds with equality; a share `weak` of those has multiplier zero.
+    """
+    n, m = P.shape[0], G.shape[0]
+    x, y = rng.standard_normal(n), rng.standard_normal(A.shape[0])
+
+    def multipliers(size: int) -> tuple[np.ndarray, np.ndarray]:
+        on = rng.random(size) < active
+        z = np.where(on & (rng.random(size) >= weak), rng.exponential(size=size), 0.0)
+        return on, z
+
+    on, z = multipliers(m)
+    slack = np.where(on, 0.0, rng.exponential(size=m))
+    on, z_upper = multipliers(n)
+    boxed = rng.random(n) < box
+    upper = rng.random(n) < 0.5
+    gap = np.where(on, 0.0, rng.exponential(size=n))
+    z_box = np.where(boxed, np.where(upper, z_upper, -z_upper), 0.0)
+    below = np.where(boxed & ~upper, gap, np.inf)
+    above = np.where(boxed & upper, gap, np.inf)
+    G, A = (sp.csc_matrix(C) if sp.issparse(P) else C for C in (G, A))
+    return Problem(*around(P, G, A, (x, y, z, z_box), slack, below, above).qp)
+
+
+def definite_stack(
+    rng: Rng, n: int, m: int, items: int, active: float = 0.3
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return P, q, G, h of dense QPs with definite P, stacked along the first axis.
+
+    As in `planted`, a share `active` of the rows of each holds with equality.
+    """
+    B = rng.standard_normal((items, n, n))
+    P = B.swapaxes(1, 2) @ B / n + 0.1 * np.eye(n)
+    G, x = rng.standard_normal((items, m, n)), rng.standard_normal((items, n, 1))
+    on = rng.random((items, m, 1)) < active
+    slack, z = rng.exponential(size=(2, items, m, 1))
+    h = G @ x + np.where(on, 0.0, slack)
+    q = -(P @ x + G.swapaxes(1, 2) @ np.where(on, z, 0.0))
+    return P, q[..., 0], G, h[..., 0]
+
+
+def entries(rng: Rng, rows: int, n: int, density: float) -> sp.csc_matrix:
+    """Return a random sparse matrix without empty rows."""
+    count = rng.poisson(density * rows * n)
+    i = np.r_[rng.integers(0, rows, count), np.arange(rows)]
+    j = np.r_[rng.integers(0, n, count), rng.integers(0, n, rows)]
+    return sp.csc_matrix((rng.standard_normal(i.size), (i, j)), shape=(rows, n))
+
+
+def sizes(rng: Rng, largest: int) -> tuple[int, int, int]:
+    """Return n, m, p: log-uniform n from 5 on, as many rows up to twice, p < n."""
+    n = int(np.exp(rng.uniform(np.log(5), np.log(largest))))
+    return n, int(rng.integers(1, 2 * n + 1)), int(rng.integers(1, n // 2 + 1))
+
+
+class Dials(NamedTuple):
+    """Of a random QP: the largest n, the rank of P over n (0: 0 to 3), what holds.
+
+    `units`: rows and columns are in units of 10^U(-units, units). `dependent`: a fifth
+    of the rows is repeated, changed by 1e-3 to 1e-8. For the others see `planted`.
+    """
+
+    largest: int = 1000
+    dense: bool = False
+    rank: float = 0.5
+    active: float = 0.3
+    weak: float = 0.0
+    box: float = 0.5
+    units: float = 0.0
+    dependent: bool = False
+
+
+FAMILIES = {
+    "sparse": Dials(2000),
+    "dense": Dials(200, dense=True),
+    "lp": Dials(rank=0.0, active=0.6, box=1.0),  # the solution is mostly a vertex
+    "degenerate": Dials(active=0.67, weak=0.5),
+    "scaled": Dials(units=2.0),
+    "dependent": Dials(dependent=True),
+}
+
+
+def random_qp(rng: Rng, dials: Dials) -> Problem:
+    n, m, p = sizes(rng, dials.largest)
+    density = 1.0 if dials.dense else min(1.0, 4.0 / n)
+    rank = max(1, int(dials.rank * n)) if dials.rank else int(rng.integers(0, 4))
+    B, G, A = (entries(rng, rows, n, density) for rows in (rank, m, p))
+    if dials.dependent:
+        G, A = (repeated(rng, C, density) for C in (G, A))
+    if dials.dense:
+        B, G, A = (C.toarray() for C in (B, G, A))
+    problem = planted(rng, B.T @ B, G, A, dials.active, dials.weak, dials.box)
+    return rescaled(problem, rng, dials.units, dials.units) if dials.units else problem
+
+
+def repeated(rng: Rng, C: Any, density: float) -> Any:
+    """Return a matrix with a fifth of its rows again, nearly."""
+    rows = C[rng.integers(0, C.shape[0], C.shape[0] // 5 + 1)]
+    size = 10.0 ** rng.integers(-8, -2)
+    again = rows + size * entries(rng, *rows.shape, density)
+    return sp.csc_matrix(sp.vstack([C, again]))
+
+
+def scaled(problem: Problem, D: np.ndarray, E: np.ndarray, F: np.ndarray) -> Problem:
+    """Return the problem for x/D, its inequalities times E, its equalities times F."""
+    P, q, G, h, A, b, lb, ub = problem.unpack()
+    d = sp.diags_array(D)
+    return Problem(
+        sp.csc_matrix(d @ P @ d),
+        D * q,
+        None if G is None else sp.csc_matrix(sp.diags_array(E) @ G @ d),
+        None if G is None else E * h,
+        None if A is None else sp.csc_matrix(sp.diags_array(F) @ A @ d),
+        None if A is None else F * b,
+        None if lb is None else lb / D,
+        None if ub is None else ub / D,
+    )
+
+
+def rescaled(problem: Problem, rng: Rng, rows: float, columns: float) -> Problem:
+    """Return the problem in units of 10^U(-1, 1) to these powers."""
+    m = 0 if problem.h is None else problem.h.size
+    p = 0 if problem.b is None else problem.b.size
+    units = (columns, problem.q.size), (rows, m), (rows, p)
+    return scaled(problem, *(10.0 ** rng.uniform(-k, k, size) for k, size in units))
+
+
+def noisy(problem: Problem, rng: Rng, size: float = 1e-3) -> Problem:
+    """Return the problem with every number times 1 + size N(0, 1)."""
+    P, q, G, h, A, b, lb, ub = problem.unpack()
+
+    def factors(count: int) -> np.ndarray:
+        return 1.0 + size * rng.standard_normal(count)
+
+    def changed(C: Any) -> Any:
+        if C is None:
+            return None
+        C = C.copy()
+        C.data *= factors(C.data.size)
+        return C
+
+    D = sp.diags_array(factors(q.size))
+    sides = [None if v is None else v * factors(v.size) for v in (h, b, lb, ub)]
+    if lb is not None and ub is not None:
+        sides[2] = np.minimum(sides[2], sides[3])
+    P, q = sp.csc_matrix(D @ P @ D), q * factors(q.size)
+    return Problem(P, q, changed(G), sides[0], changed(A), *sides[1:])
+
+
+CHANGES: dict[str, Callable[[Problem, Rng], Problem]] = {
+    "plain": lambda problem, rng: problem,
+    "noise": noisy,
+    "rows": partial(rescaled, rows=3.0, columns=0.0),
+    "columns": partial(rescaled, rows=0.0, columns=3.0),
+}

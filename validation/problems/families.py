@@ -16,7 +16,7 @@ import scipy.sparse as sp
 from qpsolvers import Problem
 
 from namlcp.scenes import disc_pile, preview_control
-from validation.problems import data_sets, osqp_classes, sequences
+from validation.problems import data_sets, draw, osqp_classes, sequences
 from validation.problems.contact_scenes import brick_wall, heap
 from validation.problems.known_scenes import (
     BoxLCP,
@@ -37,8 +37,6 @@ from validation.problems.large_scenes import (
     biactive,
     rough_obstacle,
 )
-from validation.problems.planted import planted as planted_qp
-from validation.problems.planted import sparse_parts
 from validation.problems.sweep_scenes import paper_example
 
 PAPER_SIDES = (10, 30, 100)  # m of the paper's tables, with n = m^2 unknowns
@@ -103,8 +101,7 @@ def linear_svm(points: int, features: int = 20) -> Task:
 
 def random_qp(largest: int, seed: int) -> Task:
     """Return a sparse QP of random size up to `largest` around a planted point."""
-    rng = np.random.default_rng(seed)
-    return Task(planted_qp(rng, *sparse_parts(rng, largest)))
+    return Task(draw.random_qp(np.random.default_rng(seed), draw.Dials(largest)))
 
 
 def classed(name: str, size: int) -> Task:

@@ -14,7 +14,7 @@ import numpy as np
 import namlcp
 from validation.harness import Job, Row
 from validation.harness.suite import Args, Suite
-from validation.problems import planted
+from validation.problems import draw
 
 SHAPES = {(5, 10): 100_000, (10, 20): 100_000, (30, 60): 10_000}
 """Variables and rows of an item; items of the largest batch."""
@@ -66,8 +66,8 @@ def worst_residual(stack: Stack, x: np.ndarray, z: np.ndarray) -> float:
 def measured(job: Job, n: int, m: int, items: int, threads: int) -> Row:
     solve = LOOPS[job.solver]
     rng = np.random.default_rng(n)
-    solve(planted.definite_stack(rng, n, m, 2), threads)
-    stack = planted.definite_stack(rng, n, m, items)
+    solve(draw.definite_stack(rng, n, m, 2), threads)
+    stack = draw.definite_stack(rng, n, m, items)
     job.ready()
     seconds = np.inf
     for _ in range(ROUNDS):

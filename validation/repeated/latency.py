@@ -27,7 +27,7 @@ from validation.harness import (
     timing,
 )
 from validation.harness.suite import Args, Late, Suite
-from validation.problems import planted
+from validation.problems import draw
 
 SIZES = (2, 5, 10, 20, 50, 100, 200, 300, 500, 1000)
 QUICK_SIZES = (2, 10)
@@ -36,7 +36,7 @@ LONG = 0.1  # [s] a call, which then has one round
 
 
 def problems(n: int) -> list[Problem]:
-    stack = planted.definite_stack(np.random.default_rng(n), n, 2 * n, PROBLEMS)
+    stack = draw.definite_stack(np.random.default_rng(n), n, 2 * n, PROBLEMS)
     return [Problem(*parts) for parts in zip(*stack, strict=True)]
 
 
