@@ -5,17 +5,15 @@ best of two whole calls of `solve_lcp` (of one beyond 20 s), checks and set-up i
 compiled kernels loaded; `residual` || z - clip(z - (A z + q), lower, upper) ||_2,
 computed here. `baseline`, in the same process, in turns with ours and the best of as
 many, is one linear solve: A x = -q to 1e-8 by pyamg's default Ruge-Stueben hierarchy,
-its set-up included, and CG (BiCGStab if A is not symmetric). `product` is the median
-time of A @ x, which reads A once. `memory` is what the call needs at its peak, in units
-of the bytes of A. OSQP, PIQP and Clarabel solve the forced obstacle to 1e-8 up to the
-size that they do not finish in 60 s.
+its set-up included, and CG (BiCGStab if A is not symmetric). `memory` is what the call
+needs at its peak, in units of the bytes of A. OSQP, PIQP and Clarabel solve the forced
+obstacle to 1e-8 up to the size that they do not finish in 60 s.
 
 --quick: n up to 10^5.
 """
 
 import ctypes
 import gc
-import math
 import time
 import warnings
 from collections.abc import Callable, Iterator
@@ -28,7 +26,6 @@ import pyamg
 import qpsolvers
 import scipy.sparse as sp
 from matplotlib import pyplot as plt
-from matplotlib.axes import Axes
 from scipy.sparse.linalg import LinearOperator
 
 from namlcp import LCPResult, natural_residual, solve_lcp
@@ -145,10 +142,9 @@ def scene_row(name: str, n: int) -> Row:
         "status": result.status.value,
         "iterations": result.iterations,
         "seconds": min(times),
-        "product": timing.median_time(lambda: A @ scene.q)[2],
     }
     if baselines:
-        row["baseline"], row["baseline_iterations"] = min(baselines)
+        row["baseline"] = min(baselines)
         row["ratio"] = row["seconds"] / row["baseline"]
     return row
 
@@ -179,20 +175,15 @@ def residual_of(
     return natural_residual(z, A @ z + q, lower, upper)
 
 
-def linear_solve(A: Any, q: np.ndarray, accel: str) -> tuple[float, int]:
-    """Return time and iterations of A x = -q to 1e-8.
-
-    The time is NaN where 200 iterations are not enough.
-    """
+def linear_solve(A: Any, q: np.ndarray, accel: str) -> float:
+    """Return the time of A x = -q to 1e-8, NaN where CYCLES are not enough."""
     A = sp.csr_matrix(A)
-    steps: list[float] = []
     start = time.perf_counter()
     hierarchy = pyamg.ruge_stuben_solver(A)
-    x = hierarchy.solve(-q, tol=1e-8, maxiter=CYCLES, accel=accel, residuals=steps)
+    x = hierarchy.solve(-q, tol=1e-8, maxiter=CYCLES, accel=accel)
     seconds = time.perf_counter() - start
-    if not np.linalg.norm(A @ x + q) <= 1e-7 * np.linalg.norm(q):
-        seconds = np.nan
-    return seconds, len(steps) - 1
+    solved = np.linalg.norm(A @ x + q) <= 1e-7 * np.linalg.norm(q)
+    return seconds if solved else np.nan
 
 
 def peer_row(job: Job, name: str, n: int) -> Row:
@@ -233,89 +224,52 @@ def requests(args: Args) -> Iterator[Row]:
                 yield {"scene": name, "size": n, "n": n, "solver": solver}
 
 
-DRAWN_AT = 120.0
-"""Seconds at which a peer is drawn that has none."""
-
 PANELS = {
-    "forced": "forced obstacle",
-    "ball": "ball obstacle",
-    "torsion": "torsion, two-sided",
-    "biactive": "half biactive",
-    "rough": "rough obstacle",
-    "anisotropic": "anisotropic 1 : 0.01",
-    "3-D": "3-D, seven-point",
-    "mesh, jumps": "mesh, jumps 1 : 1000",
-    "transport": "Example 2, $\\delta$ = 0",
-    "dominant": "Example 2, $\\delta$ = 4",
-    "piles": "contact piles",
-    "hertz": "Hertz, matrix-free",
+    "forced obstacle": "forced",
+    "ball obstacle": "ball",
+    "torsion, two-sided": "torsion",
+    "half biactive": "biactive",
+    "rough obstacle": "rough",
+    "anisotropic 1 : 0.01": "anisotropic",
+    "3-D, seven-point": "3-D",
+    "mesh, jumps 1 : 1000": "mesh, jumps",
+    "Example 2, $\\delta$ = 0": "transport",
+    "Example 2, $\\delta$ = 4": "dominant",
+    "contact piles": "heap; heap, wide; wall",
+    "Hertz, matrix-free": "hertz",
 }
-"""Scenes with the titles of their panels; what is left out leaves its place empty."""
+"""Titles of the panels with their scenes."""
 
 PILES = {"heap": "o", "heap, wide": "s", "wall": "^"}
-LAYOUT = ("FFab", "FFcd", "efgh", "ijk.")
 
 
 def plot(results: Path, figures: Path) -> None:
-    """Draw large.svg: time against n, a panel for each scene, the forced one large."""
+    """Draw large.svg: time against n, beside one linear solve and peers."""
     rows = csv_files.read(results)
-    figure, axes = plt.subplot_mosaic(
-        [list(line) for line in LAYOUT],
-        figsize=(charts.WIDTH, 9.6),
-        sharex=True,
-        sharey=True,
-        gridspec_kw={"wspace": 0.1, "hspace": 0.42},
+    dashed = {"color": charts.DARK, "linestyle": "--", "label": "one linear solve"}
+    size = charts.WIDTH, 7.5
+    figure, grid = plt.subplots(
+        3, 4, figsize=size, sharex=True, sharey=True, layout="constrained"
     )
-    forced = axes["F"]
-    forced.set(xscale="log", yscale="log", xlim=(600.0, 8e6), ylim=(3e-6, 1500.0))
-    forced.tick_params(labelbottom=True)
-    for name, (scene, title) in zip("Fabcdefghijk", PANELS.items(), strict=True):
-        panel = axes[name]
-        kinds = PILES if scene == "piles" else (scene,)
+    for axes, (title, scenes) in zip(grid.flat, PANELS.items(), strict=True):
+        axes.set_title(title, fontsize=9.0)
+        kinds = scenes.split("; ")
         own = [row for row in rows if row["scene"] in kinds]
-        panel.set_title(title, fontsize=10.0 if name == "F" else 9.0)
-        if not own:
-            panel.text(0.5, 0.5, "not run", transform=panel.transAxes, ha="center")
-        elif scene == "piles":
-            draw_piles(panel, own)
+        if len(kinds) > 1:
+            look = lambda name: {  # noqa: E731
+                "color": charts.BLUE, "marker": PILES[name], "label": name,
+            }  # fmt: skip
+            charts.lines(axes, own, "scene", "n", "seconds", look)
         else:
-            draw_scene(panel, own, named=name == "F")
-    for name in "Fei":
-        axes[name].set_ylabel("time [s]")
-    figure.supxlabel("n", fontsize=9.0, y=0.07)
+            ours = tables.chosen(own, solver="nam")
+            charts.lines(axes, ours, "solver", "n", "baseline", lambda _: dashed)
+            solved = tables.chosen(own, status="solved")
+            charts.lines(axes, solved, "solver", "n", "seconds", charts.looks)
+    for axes in (grid[0, 0], grid.flat[list(PANELS).index("contact piles")]):
+        axes.legend(fontsize=7.5)
+    figure.supxlabel("n", fontsize=9.0)
+    figure.supylabel("time [s]", fontsize=9.0)
     charts.save(figure, figures / "large.svg")
-
-
-def draw_scene(axes: Axes, rows: list[Row], named: bool) -> None:
-    """Draw our line, that of one linear solve, of one pass over A, and the peers."""
-    ours = tables.chosen(rows, solver="nam")
-    dark = {"color": charts.DARK, "linewidth": 1.1}
-    for key, style, text in (
-        ("product", ":", "one pass over A: A @ x"),
-        ("baseline", "--", "one linear solve with A (pyamg, CG)"),
-    ):
-        look = dark | {"linestyle": style, "label": text}
-        charts.lines(axes, ours, "solver", "n", key, lambda _, look=look: look)
-    solved = tables.chosen(rows, status="solved")
-    charts.lines(axes, solved, "solver", "n", "seconds", charts.looks)
-    for row in (row for row in rows if row["status"] != "solved"):
-        colour = charts.looks(row["solver"])["color"]
-        seconds = float(row["seconds"] or DRAWN_AT)
-        axes.plot(int(row["n"]), seconds, "x", color=colour, markersize=7.0)
-    if named:
-        axes.legend(loc="upper left")
-    ratio = csv_files.number(ours[-1]["ratio"])
-    if math.isfinite(ratio):
-        axes.set_xlabel(f"{ratio:.2f} linear solves at the end", fontsize=7.5)
-
-
-def draw_piles(axes: Axes, rows: list[Row]) -> None:
-    """Draw the contact scenes, which have no linear solve to be compared with."""
-    charts.lines(
-        axes, rows, "scene", "n", "seconds",
-        lambda scene: {"color": charts.BLUE, "marker": PILES[scene], "label": scene},
-    )  # fmt: skip
-    axes.legend(loc="lower right", fontsize=7.5, handletextpad=0.1, borderpad=0.0)
 
 
 SUITE = Suite(
@@ -325,7 +279,7 @@ SUITE = Suite(
     work=work,
     columns=(
         "scene size n nnz solver method status iterations seconds residual baseline "
-        "baseline_iterations ratio product memory"
+        "ratio memory"
     ),
     keys="scene size solver",
     solvers=("nam", "osqp", "piqp", "clarabel"),

@@ -11,7 +11,7 @@ turns, problem by problem, namlcp first: the other solvers' time limit is ten ti
 it took. What is late at a tolerance is not tried at a tighter one.
 
 --quick: two small problems for each family, three tolerances. Without --data the
-problems of the data folder are left out, by name.
+problems of the data folder are left out.
 """
 
 import math
@@ -31,7 +31,6 @@ from qpsolvers import Solution
 from namlcp import natural_residual
 from validation.harness import (
     Job,
-    MissingDataError,
     Row,
     charts,
     csv_files,
@@ -165,14 +164,12 @@ def complete(row: Row) -> Row:
 def requests(args: Args) -> Iterator[Row]:
     for name, family in known_families(args.data).items():
         solvers = ["sweep auto", *family.sweeps] if family.sweeps else args.solvers
-        for problem in family.quick if args.quick else family.makers:
+        problems = list(family.makers)[: families.QUICK if args.quick else None]
+        for problem in problems:
             for eps in sorted(args.eps, reverse=True):
                 key = {"family": name, "problem": problem, "eps": eps}
                 for solver in solvers:
                     yield key | {"solver": solver, "data": args.data}
-    absent = families.missing(args.data)
-    if absent:
-        raise MissingDataError("left out: " + "; ".join(absent))
 
 
 TITLES = {
