@@ -36,7 +36,6 @@ def of_problems(name: str, rows: list[csv_files.Row]) -> Iterator[Figure]:
 
 
 def figures(job: Job) -> Iterator[Figure]:
-    """Yield the figures by name, as they are taken."""
     for problem_set, eps in SETS:
         names = data_sets.set_names(job.data, problem_set)
         rows = [benchmark.measure(job, problem_set, name, eps) for name in names]

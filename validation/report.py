@@ -43,11 +43,9 @@ class Job(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Return its first file."""
         return self.files.split()[0]
 
     def lines(self, quick: bool) -> list[str]:
-        """Return the commands."""
         text = self.commands.replace("{quick}", "--quick" if quick else "")
         return [line.strip() for line in text.splitlines() if line.strip()]
 
@@ -113,7 +111,6 @@ JOBS = (
 
 
 def stamp(commands: list[str]) -> str:
-    """Return a hash of the Python files that commands depend on."""
     rooms = {*LOWER_ROOMS, *(command.split(".")[0] for command in commands)}
     found = hashlib.sha256("\n".join(commands).encode())
     for folder in ("src", *(f"validation/{room}" for room in sorted(rooms))):
@@ -132,7 +129,6 @@ def begin(job: Job, now: str, out: Path) -> None:
 
 
 def run(job: Job, data: Path, out: Path, quick: bool, again: bool) -> str:
-    """Make the files of a job if they are out of date; return what is wrong."""
     lines = job.lines(quick)
     now = stamp(lines)
     marks = [out / "stamps" / name for name in job.files.split()]

@@ -57,7 +57,6 @@ def chosen(suite: str, names: list[str], book: Path, quick: bool) -> list[str]:
 
 
 def run(args: Any) -> dict[str, list[Row]]:
-    """Solve what is not there yet; return the rows of all suites."""
     for library in machine.THREADS:
         os.environ[f"{library}_NUM_THREADS"] = "1"
     found: dict[str, list[Row]] = {}
@@ -89,7 +88,6 @@ def number(row: Row, column: str) -> float:
 
 
 def difference(old: Row, new: Row) -> str:
-    """Return one of KINDS."""
     kind = plain_difference(old, new)
     judged = new["verdict"] == "right" or "(both)" in new["method"]
     return "other" if kind == "wrong" and judged else kind

@@ -109,7 +109,6 @@ def row_of_lcp(result: Any, accuracy: float = np.nan) -> Row:
 
 
 def qp_row(problem: Problem, eps: float) -> Row:
-    """Solve a QP to an absolute tolerance."""
     given = {"eps_abs": eps, "eps_rel": 0.0, "time_limit": LIMIT}
     return row_of_qp(namlcp.solve_qp(*problem.unpack(), **given), eps, 0.0)
 
@@ -207,7 +206,6 @@ def sweep_row(name: str) -> Row:
 
 
 def generated() -> Iterator[tuple[str, Suite]]:
-    """Yield the suites that need no data folder."""
     for kind, count in (("every", 10_000), ("general", 3_000)):
         names = [str(i) for i in range(count)]
         yield f"campaign-{kind}", Suite(names, partial(fuzzed_row, kind))
@@ -241,7 +239,6 @@ def generated() -> Iterator[tuple[str, Suite]]:
 
 
 def collected(data: Path) -> Iterator[tuple[str, Suite]]:
-    """Yield the suites of the data folder."""
     load = partial(data_sets.load, data, "all")
     names = data_sets.set_names(data, "all")
     for eps in (1e-6, 1e-9):

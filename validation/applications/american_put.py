@@ -33,7 +33,6 @@ try:  # the peer, a loop from node to node, is compiled for a fair comparison
 except ImportError:
 
     def njit(**_):
-        """Leave a function in Python."""
         return lambda function: function
 
 
@@ -162,14 +161,12 @@ class March:
 
 
 def kept(grid: Grid) -> March:
-    """Return the march by Brennan and Schwartz with the factors kept."""
     factor = np.empty((3, grid.x.size))
     factorise(grid.below, grid.diagonal, grid.above, factor)
     return March(grid, partial(brennan_schwartz, factor, grid.payoff))
 
 
 def package(grid: Grid) -> March:
-    """Return the march by `solve_lcp`."""
     bands, n = [grid.below, grid.diagonal, grid.above], grid.x.size
     A = sp.diags_array(bands, offsets=[-1, 0, 1], shape=(n, n))
     matrix = Prepared(sp.csr_array(A))

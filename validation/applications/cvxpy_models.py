@@ -80,7 +80,6 @@ def multipliers(solution: Any, constraints: list[Any]) -> np.ndarray:
 
 
 def judge(problem: Any, chain: Any, raw: Any, data: Any, inverse: Any) -> Row:
-    """Return status, objective and residuals of what the solver handed back."""
     last = inverse[-1]
     solution = chain.solver.invert(raw, last)
     row: Row = {"status": solution.status, "iterations": solution.attr.get("num_iters")}
@@ -141,7 +140,6 @@ def work(job: Job, size: str, name: str) -> Row:
 
 
 def worst(row: Row) -> float:
-    """Return the largest residual of a row, infinite where it has no point."""
     errors = [row.get(name) for name in RESIDUALS[:3]]
     return max(np.inf if error is None else error for error in errors)
 

@@ -96,7 +96,6 @@ class Recorder:
         solver.solve_via_data = self.solve
 
     def solve(self, *arguments: Any) -> Any:
-        """Solve as the solver does."""
         start = time.process_time()
         self.raw = self.solve_via_data(*arguments)
         self.time = time.process_time() - start
@@ -104,7 +103,6 @@ class Recorder:
 
 
 def resolve(name: str, size: str, variant: str) -> Row:
-    """Run one sequence with one solver."""
     from namlcp.cvxpy import NAM
 
     make, sizes = MODELS[name]

@@ -113,7 +113,6 @@ def work(job: Job, name: str, n: int) -> Row:
 
 
 def scene_row(name: str, n: int) -> Row:
-    """Solve one scene and the linear system in turns; return the row."""
     warnings.simplefilter("ignore")
     make, _, accel, relative = SCENES[name]
     call(make(min(n, WARM_UP)), 60.0, relative)

@@ -54,7 +54,6 @@ def renewed(text: str, known: Figures) -> str:
 
 
 def of_claims(part: str, known: Figures) -> str:
-    """Return the table of what is asked in a part, and what was measured."""
     lines = (
         (claim.name, claim.limit, f"{claim.value:.4g}", "yes" if claim.holds else "NO")
         for claim in claims(known, part)
@@ -63,7 +62,6 @@ def of_claims(part: str, known: Figures) -> str:
 
 
 def taken(results: Path) -> str:
-    """Return the table of what was measured when, from the headers of the files."""
     files: dict[tuple[str, ...], int] = {}
     headers = map(csv_files.header, results.glob("*.csv"))
     for header in filter(None, headers):  # history.csv has none
@@ -108,8 +106,6 @@ def table(name: str, known: Figures, results: Path) -> str:
 
 
 def written(text: str, known: Figures, results: Path = cli.RESULTS) -> str:
-    """Return a document with known figures and the tables of a folder of results."""
-
     def block(found: re.Match[str]) -> str:
         begin, name = found.groups()
         return f"{begin}{table(name, known, results)}\n"

@@ -118,7 +118,6 @@ def where(rows: list[Row], condition: str) -> list[Row]:
 
 
 def known(values: Iterable[Any]) -> list[Any]:
-    """Return the values without nan."""
     return [value for value in values if value == value]
 
 
@@ -160,7 +159,6 @@ def figure(rows: list[Row], spec: Spec) -> float:
 
 
 def specs(table: Row = TABLE["claims"]) -> dict[str, tuple[str, Spec]]:
-    """Return the file and the entries of each claim by its name."""
     return {
         name: (file, spec)
         for files in table.values()

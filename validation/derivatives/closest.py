@@ -154,7 +154,6 @@ def shifted_norm(found: Any) -> float:
 
 
 def proxqp_row(problem: Problem, least: float) -> Row:
-    """Return what proxqp makes of the problem, the bounds as rows."""
     from proxsuite import proxqp
 
     P, q, G, h, A, b, lb, ub = qps.parts(problem)

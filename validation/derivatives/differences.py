@@ -97,7 +97,6 @@ def relative(found: np.ndarray, expected: np.ndarray, value: np.ndarray) -> floa
 
 
 def paired(gradients: Any, d: cases.Kept) -> list[float]:
-    """Return the terms of <gradients, d>."""
     terms = []
     for name, change in d.items():
         g = getattr(gradients, name)
@@ -112,7 +111,6 @@ def adjoint_gap(left: np.ndarray, right: list[float]) -> float:
 
 
 def regular_qp(seed: int) -> tuple[float, float]:
-    """Return the error of a QP's derivative, and the gap of its adjoint."""
     rng = np.random.default_rng([seed, 2])
     n, m, p = rng.integers(10, 20), rng.integers(0, 12), rng.integers(0, 3)
     qp = cases.regular_qp(seed, n, m, p, scale=(1.0, 1e4)[seed // 2 % 2])
@@ -136,7 +134,6 @@ def regular_qp(seed: int) -> tuple[float, float]:
 
 
 def regular_lcp(seed: int) -> tuple[float, float]:
-    """Return the error of an LCP's derivative, and the gap of its adjoint."""
     rng = np.random.default_rng([seed, 3])
     lcp = cases.regular_lcp(seed, int(rng.integers(6, 30)), symmetric=seed % 3 == 0)
     A, q, lower, upper = lcp
@@ -185,7 +182,6 @@ def one_sided_error(
 
 
 def kink_error(qp: QP, names: str, seed: int) -> float:
-    """Return the error of `directional` at a kink."""
     d = cases.direction(qp, seed, names)
     given = QP(*(sp.csc_array(v) if v.ndim == 2 else v for v in qp)) if seed % 2 else qp
     result = namlcp.solve_qp(*given, **EXACT)
@@ -196,7 +192,6 @@ def kink_error(qp: QP, names: str, seed: int) -> float:
 
 
 def lcp_kink_error(seed: int) -> float:
-    """Return the same for an LCP."""
     A, q = cases.weak_lcp(seed)
     rng = np.random.default_rng([seed, 4])
     dA, dq = rng.standard_normal(A.shape), rng.standard_normal(q.size)
@@ -209,7 +204,6 @@ def lcp_kink_error(seed: int) -> float:
 
 
 def closest_error(seed: int) -> float:
-    """Return the error of the derivative of a closest point."""
     rng = np.random.default_rng([seed, 5])
     data = cases.contradictory(seed, *CLOSEST_KINDS[seed % len(CLOSEST_KINDS)])
 

@@ -74,7 +74,6 @@ def band_case(n: int, seed: int = 0) -> Data:
 
 
 def nam(data: Data) -> Pass:
-    """Return the passes of namlcp, of one QP or of a batch."""
     P, q, G, h, g = data
     many = q.ndim > 1
 
@@ -95,7 +94,6 @@ def nam(data: Data) -> Pass:
 
 
 def proxqp(data: Data) -> Pass:
-    """Return the passes of proxsuite, in its dense form."""
     from proxsuite import proxqp as prox
 
     P, q, G, h, g = data
@@ -119,7 +117,6 @@ def proxqp(data: Data) -> Pass:
 
 
 def qpth(data: Data) -> Pass:
-    """Return the passes of qpth, of one QP or of a batch."""
     import torch
     from qpth.qp import QPFunction
 
@@ -163,7 +160,6 @@ def diffcp(data: Data) -> Pass:
 
 
 def dqp(data: Data) -> Pass:
-    """Return the passes of dQP's construction."""
     import qpsolvers
 
     P, q, G, h, g = data

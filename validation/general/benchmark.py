@@ -44,7 +44,6 @@ Answer = tuple[str, np.ndarray | None]
 
 
 def make(family: str, n: int, seed: int) -> families.Problem:
-    """Return A and q."""
     maker = families.FAMILIES[family]
     if family in families.FRICTION and seed % 3 == 2:
         return maker(n, seed, RATIO)
@@ -52,12 +51,10 @@ def make(family: str, n: int, seed: int) -> families.Problem:
 
 
 def dense(A: Any) -> np.ndarray:
-    """Return A as an array."""
     return A.toarray() if sp.issparse(A) else A
 
 
 def by_nam(A: Any, q: np.ndarray, limit: float, method: str = "auto") -> Answer:
-    """Solve by namlcp."""
     import namlcp
 
     accuracy = EPS * float(np.abs(q).max())
@@ -73,7 +70,6 @@ def by_quantecon(A: Any, q: np.ndarray, limit: float) -> Answer:
 
 
 def by_daqp(A: Any, q: np.ndarray, limit: float) -> Answer:
-    """Solve by DAQP as a variational inequality on z >= 0."""
     import daqp
 
     n = q.size

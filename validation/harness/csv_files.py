@@ -75,7 +75,6 @@ def growing(
 
 
 def number(text: Any) -> float:
-    """Return an entry as a number, NaN of nothing."""
     return float(text) if text not in ("", None) else float("nan")
 
 
@@ -92,7 +91,6 @@ def header(file: Path) -> list[str]:
 
 
 def read(file: Path) -> list[Row]:
-    """Return the rows of a CSV file as text, none if it is not there."""
     if not file.exists():
         return []
     with file.open(newline="") as stream:

@@ -8,7 +8,6 @@ class MissingDataError(Exception):
 
 
 def require(path: Path) -> Path:
-    """Return a path that exists, or say that it is missing."""
     if not path.exists():
         raise MissingDataError(f"{path} is missing")
     return path

@@ -60,7 +60,6 @@ def judge(problem: Problem, solution: Solution, eps: float) -> dict[str, Any]:
 
 
 def filled(part: Any, size: int) -> np.ndarray:
-    """Return a part of a solution; zeros where it is absent."""
     absent = part is None or np.size(part) != size
     return np.zeros(size) if absent else np.asarray(part, dtype=float)
 

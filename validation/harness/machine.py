@@ -56,7 +56,6 @@ def commit() -> str:
 
 
 def package_version(name: str) -> str:
-    """Return the version of an installed package, else of its source tree."""
     try:
         return importlib.metadata.version(name)
     except importlib.metadata.PackageNotFoundError:

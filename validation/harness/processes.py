@@ -33,12 +33,10 @@ Work = Callable[..., Any]
 
 
 def failure(status: str) -> Row:
-    """Return the row of a failure that has no residuals."""
     return {"success": False, "status": " ".join(status.split())[:120]}
 
 
 def raised(error: Exception) -> Row:
-    """Return the row of a solve that ended in an error."""
     return {"found": False} | failure(f"{type(error).__name__}: {error}")
 
 
@@ -111,7 +109,6 @@ class Bench:
         return answer
 
     def wait(self, seconds: float) -> Any:
-        """Return the next message of the child process."""
         if not self.pipe.poll(seconds):
             raise TimeoutError
         return self.pipe.recv()

@@ -22,7 +22,6 @@ def parts(problem: Problem) -> tuple[Any, ...]:
 
 
 def by_name(problem: Problem) -> dict[str, Any]:
-    """Return P, q, G, h, A, b, lb, ub by name."""
     return dict(zip("P q G h A b lb ub".split(), problem.unpack(), strict=True))
 
 
@@ -58,14 +57,12 @@ def tiny_problems(problem: Problem) -> Iterator[Problem]:
 
 
 def sparse(problem: Problem) -> Problem:
-    """Return the problem with matrices in CSC, for the solvers that want them."""
     P, q, G, h, A, b, lb, ub = problem.unpack()
     P, G, A = (None if C is None else sp.csc_matrix(C) for C in (P, G, A))
     return Problem(P, q, G, h, A, b, lb, ub)
 
 
 def filled(problem: Problem) -> Problem:
-    """Return the problem with dense matrices, for the solvers that want them."""
     P, q, G, h, A, b, lb, ub = problem.unpack()
     P, G, A = (C.toarray() if sp.issparse(C) else C for C in (P, G, A))
     return Problem(P, q, G, h, A, b, lb, ub)

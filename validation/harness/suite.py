@@ -49,12 +49,10 @@ class Late(NamedTuple):
 
 
 def solved(row: Row) -> bool:
-    """Tell whether a row, of a file or just measured, is a success."""
     return str(row.get("success")) == "True"
 
 
 def is_ours(solver: str) -> bool:
-    """Tell whether a solver is namlcp, whichever way it is called."""
     return solver.split()[0] in OURS
 
 
@@ -125,7 +123,6 @@ class Suite:
         return tables.markdown((*parts, *tables.COMPARED), lines)
 
     def parsed(self, arguments: list[str] | None) -> Args:
-        """Return what the command line says."""
         parser = cli.parser(self.doc, "quick", "go-on", "csv", "figures")
         tasks = ["run", "table", *["plot"] * bool(self.plot)]
         parser.add_argument("task", nargs="?", choices=tasks, default="run")
@@ -183,7 +180,6 @@ class Run:
             self.note(row)
 
     def all(self) -> None:
-        """Ask for everything, and write it down."""
         suite, keys, only = self.suite, self.file.keys, set(self.args.only or ())
         tables.print_rows([], self.shown)
         for _, group in groupby(suite.requests(self.args), self.problem):
@@ -214,7 +210,6 @@ class Run:
                 tables.print_row(self.file.rows[-1], self.shown)
 
     def problem(self, row: Row) -> tuple[str, ...]:
-        """Return what a row is about, whoever solves it."""
         return tuple(str(row[key]) for key in self.file.keys if key != "solver")
 
     def alike(self, row: Row) -> tuple[str, ...]:

@@ -72,7 +72,6 @@ def print_row(row: Row, columns: str) -> None:
 
 
 def print_rows(rows: Iterable[Row], columns: str) -> None:
-    """Print rows as `print_row` does, below the names of their columns."""
     print()
     names = [column.partition(":")[0] for column in columns.split()]
     for row in (dict(zip(names, names, strict=True)), *rows):

@@ -46,5 +46,4 @@ def resident_memory(reset_peak: bool = False) -> float:
 
 
 def geometric_mean(values: list[float]) -> float:
-    """Return the geometric mean, NaN of nothing."""
     return float(np.exp(np.mean(np.log(values)))) if values else np.nan

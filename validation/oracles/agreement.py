@@ -36,12 +36,10 @@ COLUMNS = (
 
 @cache
 def warm_up(solver: str) -> None:
-    """Call a solver once, so that it is imported and compiled."""
     ORACLES[solver][1](dam(), 60.0)
 
 
 def answered(job: Job, scene: BoxLCP) -> Row:
-    """Return {"answer": what a solver says of a scene}."""
     warm_up(job.solver)
     job.ready()
     return {"answer": ORACLES[job.solver][1](scene, job.limit)}

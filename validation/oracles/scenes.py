@@ -55,7 +55,6 @@ class Scene(NamedTuple):
 
 
 def objective(scene: BoxLCP, z: np.ndarray) -> float:
-    """Return 1/2 z'Az + q'z."""
     return float(0.5 * z @ (scene.A @ z) + scene.q @ z)
 
 
@@ -69,7 +68,6 @@ def sides(scene: BoxLCP, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def at_bounds(scene: BoxLCP, z: np.ndarray) -> float:
-    """Return the number of unknowns at a bound."""
     return float(np.sum(np.logical_or(*sides(scene, z))))
 
 
@@ -118,7 +116,6 @@ def contact(data: Path, name: str) -> BoxLCP:
 
 
 def of_data(data: Path) -> Iterator[tuple[str, Scene]]:
-    """Yield the scenes that the data folder has."""
     if (data / "svm" / "heart_scale").exists():
         X, y = data_sets.heart_scale(data)
         counts = (

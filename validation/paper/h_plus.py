@@ -33,7 +33,6 @@ DISTANCES = (0.5, 1e-2, 1e-4, 1e-6, 1e-8, 1e-9, 2e-10, 1e-11, 1e-12, 1e-14)
 
 
 def jacobi_radius(A: np.ndarray) -> float:
-    """Return rho(J), J = D^-1 |A - D|."""
     D = np.diag(A)
     J = np.abs(A - np.diag(D)) / D[:, None]
     return float(np.max(np.abs(np.linalg.eigvals(J))))
@@ -103,7 +102,6 @@ def definition_rows(count: int) -> Iterator[Row]:
 
 
 def solve_time(A: Any, example: int) -> float:
-    """Return the time of A x = 1 to 1e-8 by multigrid and a Krylov method [s]."""
     start = time.perf_counter()
     levels = pyamg.ruge_stuben_solver(sp.csr_matrix(A))
     ones = np.ones(A.shape[0])

@@ -53,8 +53,6 @@ def scenes(data: Path, m: int = M) -> list[sweep_scenes.Scene]:
 
 
 class Run:
-    """A scene with its start and its stop."""
-
     def __init__(self, scene: sweep_scenes.Scene):
         A, q, lower, upper = scene[1:5]
         self.lcp = LCP(Prepared(A), q, lower, upper)
@@ -99,7 +97,6 @@ def points(method: str) -> Iterator[tuple[float | None, float]]:
 
 
 def compare(scene: sweep_scenes.Scene, method: str) -> Row:
-    """Return the best point of the grid and the choice of the package."""
     run, chosen = Run(scene), SWEEPS[method]
     cap = FACTORED_CAP if chosen.factored else CAP
     best, where = math.inf, (None, math.nan)

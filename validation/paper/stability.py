@@ -110,7 +110,6 @@ def outcome(
 
 
 def parameters(scene: sweep_scenes.Scene, chart: Map, alpha: float, c: float) -> Row:
-    """Return the keyword arguments of one cell."""
     D = scene.A.diagonal()
     given: Row = {"shift": {"I": 1.0, "D": D}.get(chart.shift), "beta": chart.beta}
     if "alpha" in chart.axes:

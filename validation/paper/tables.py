@@ -65,7 +65,6 @@ REPEATS, REPEAT_TIME = 15, 0.3  # calls, [s]: repeat until either is reached
 def solve(
     scene: sweep_scenes.Scene, method: str, max_iter: int, **given: Any
 ) -> LCPResult:
-    """Run a sweep method from the paper's start to the paper's tolerance."""
     return solve_lcp(
         scene.A, scene.q, method=method, s0=scene.s0, eps_abs=EPS,
         max_iter=max_iter, **given,

@@ -106,7 +106,6 @@ def measure_changed(job: Job, kind: str, name: str, eps: float) -> Row:
 
 
 def of_sets(args: Args) -> Iterator[Row]:
-    """Yield every problem of a set at one tolerance, all solvers in turn."""
     for problem_set in SETS:
         names = data_sets.set_names(args.data, problem_set)[:: 4 if args.quick else 1]
         for eps, name in product(sorted(args.eps, reverse=True), names):
@@ -114,14 +113,12 @@ def of_sets(args: Args) -> Iterator[Row]:
 
 
 def of_collection(args: Args) -> Iterator[Row]:
-    """Yield all Maros-Meszaros problems at the loosest tolerance, then at the next."""
     names = data_sets.set_names(args.data, "all")[:: 10 if args.quick else 1]
     for eps, name in product(sorted(args.eps, reverse=True), names):
         yield {"limit": args.limit, "set": "all", "problem": name, "eps": eps}
 
 
 def of_classes(args: Args) -> Iterator[Row]:
-    """Yield the sizes of a class from the least, all solvers in turn."""
     for name, own in osqp_classes.CLASSES.items():
         for size in own.sizes[: 2 if args.quick else None]:
             for eps in args.eps:
@@ -129,7 +126,6 @@ def of_classes(args: Args) -> Iterator[Row]:
 
 
 def about_class(request: Row) -> Row:
-    """Return the variables of a problem, and the entries of its matrices."""
     problem = osqp_classes.generate(request["set"], request["problem"])
     return {"variables": problem.q.size, "entries": osqp_classes.entries(problem)}
 

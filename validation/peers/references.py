@@ -41,7 +41,6 @@ def strictly_convex(P: Any) -> bool:
 
 
 def multipliers(problem: Problem, solution: Solution) -> np.ndarray:
-    """Return the multipliers of `constraints`, in their order."""
     parts = [np.zeros(0)]
     parts += [solution.y] if problem.A is not None else []
     parts += [solution.z] if problem.G is not None else []
@@ -86,5 +85,4 @@ def reference(problem: Problem, solution: Solution) -> np.ndarray | None:
 
 
 def distance(x: np.ndarray, exact: np.ndarray) -> float:
-    """Return || x - x* ||_inf / || x* ||_inf."""
     return float(np.abs(x - exact).max() / max(np.abs(exact).max(), 1e-300))

@@ -102,13 +102,11 @@ def judged(
 
 @cache
 def known_families(data: Path | None) -> dict[str, families.Family]:
-    """Return the families, made once in a process."""
     return families.families(data)
 
 
 @lru_cache(maxsize=1)
 def task_of(data: Path | None, family: str, name: str) -> families.Task:
-    """Return a problem; the last one is kept."""
     return known_families(data)[family].makers[name]()
 
 

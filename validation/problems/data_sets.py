@@ -24,7 +24,6 @@ INFINITY = 9e19  # 1e20 in the collection, in places rounded to slightly less
 
 
 def set_names(data: Path, problem_set: str) -> list[str]:
-    """Return the names of the problems of a set, sorted."""
     if problem_set in ("mpc", "contact"):
         files = data_folder.require(data / problem_set).glob("*.npz")
         names = sorted(file.stem for file in files)

@@ -47,7 +47,6 @@ class Hertz(NamedTuple):
 
 
 def hertz(cells: int, delta: float = DELTA) -> Hertz:
-    """Return the contact problem on a grid of cells^2 cells."""
     radius = math.sqrt(delta)
     h = WIDTH * radius / cells
     deflection = love(np.arange(cells) * h, h)

@@ -71,7 +71,6 @@ def all_cases(data: Path | None, step: int) -> dict[str, Maker]:
 
 
 def small_case(group: str, truth: str, eps: float, arrays: dict[str, Any]) -> Case:
-    """Return a problem written down in `small_infeasible_cases`."""
     return Case(group, truth, make(**arrays), eps)
 
 
@@ -166,14 +165,12 @@ def bases(data: Path) -> list[str]:
 
 
 def changed(data: Path, name: str, change: str) -> Case | None:
-    """Return a problem of the collection after one of CHANGES."""
     base = data_sets.load(data, "all", name)
     problem, truth = CHANGES[change](base)
     return problem and truth and Case(f"Maros-Meszaros, {change}", truth, problem)
 
 
 def linear_program(cost: np.ndarray, problem: Problem) -> Any:
-    """Return HiGHS's result for min cost'x over the constraints of a problem."""
     _, _, G, h, A, b, lb, ub = qps.parts(problem)
     finite = np.isfinite(h)
     G = sp.csr_matrix(G)[finite]
@@ -271,7 +268,6 @@ def is_unbounded(problem: Problem) -> bool | None:
 
 
 def unbind(problem: Problem) -> tuple[Problem | None, str | None]:
-    """Drop all bounds, and ask HiGHS what comes of it."""
     if problem.lb is None and problem.ub is None:
         return None, None
     free = Problem(*problem.unpack()[:6])

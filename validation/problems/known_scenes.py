@@ -32,7 +32,6 @@ def nonnegative(A: sp.csr_array | np.ndarray, q: np.ndarray) -> BoxLCP:
 
 
 def second_difference(m: int) -> sp.csr_array:
-    """Return tridiag(-1, 2, -1) of order m."""
     return sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(m, m)).tocsr()
 
 

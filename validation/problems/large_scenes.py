@@ -30,13 +30,11 @@ def nodes(m: int) -> np.ndarray:
 
 
 def waves(m: int, number: float = 3.0) -> np.ndarray:
-    """Return sin(number pi x) sin(number pi y) on m x m interior nodes."""
     line = np.sin(number * np.pi * nodes(m))
     return np.outer(line, line).ravel()
 
 
 def forced_load(m: int) -> np.ndarray:
-    """Return -50 h^2 sin(3 pi x) sin(3 pi y)."""
     return -LOAD / (m + 1) ** 2 * waves(m)
 
 

@@ -210,7 +210,6 @@ def fit(terms: Callable[..., Terms], data: Any, m: int, n: int) -> cp.Problem:
 
 
 def market(n: int, factors: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return expected returns, factor loadings and specific variances."""
     rng = np.random.default_rng(n + factors)
     loadings = 0.05 * rng.standard_normal((n, factors))
     specific = 0.01 * rng.random(n) ** 2 + 1e-4

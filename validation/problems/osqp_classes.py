@@ -49,7 +49,6 @@ def normal(
 
 
 def posed(P: Any, q: np.ndarray, **constraints: Any) -> Problem:
-    """Return the problem with all its matrices as csc_matrix."""
     matrices = {
         name: sp.csc_matrix(value) if name in ("G", "A") else value
         for name, value in constraints.items()
@@ -58,7 +57,6 @@ def posed(P: Any, q: np.ndarray, **constraints: Any) -> Problem:
 
 
 def definite(rng: np.random.Generator, n: int) -> Any:
-    """Return M M' + SHIFT I."""
     M = sp.csr_array(normal(rng, n, n))
     return M @ M.T + SHIFT * sp.eye_array(n)
 
@@ -198,6 +196,5 @@ def generate(name: str, size: int | str) -> Problem:
 
 
 def entries(problem: Problem) -> int:
-    """Return how many entries P, G and A have."""
     matrices = problem.P, problem.G, problem.A
     return sum(int(M.nnz) for M in matrices if M is not None)

@@ -96,7 +96,6 @@ TILTED, HEIGHT, RATES = slice(0, 2), 5, slice(6, 12)  # of the states
 
 
 def plant() -> tuple[np.ndarray, np.ndarray]:
-    """Return F and B."""
     F = np.eye(STATES)
     F[0:3, 6:9] = 0.1 * np.eye(3)
     F[3:6, 9:12] = 0.0992 * np.eye(3)
@@ -114,7 +113,6 @@ def plant() -> tuple[np.ndarray, np.ndarray]:
 
 
 def limits() -> tuple[np.ndarray, np.ndarray]:
-    """Return the least and the largest states."""
     lower, upper = np.full(STATES, -np.inf), np.full(STATES, np.inf)
     lower[TILTED], upper[TILTED], lower[HEIGHT] = -TILT, TILT, FALL
     return lower, upper
@@ -232,7 +230,6 @@ def steps(
     vectors: Callable[[np.ndarray, np.ndarray], Vectors],
     inputs_at: slice,
 ) -> Steps:
-    """Yield the vectors of the QP for the states of a loop; give it the first input."""
     state = next(loop)
     while True:
         x = yield vectors(*state)
@@ -246,7 +243,6 @@ MASSES = 10.0  # the largest mass over the least
 
 
 def shaken_heap(contacts: int, level: str) -> Sequence:
-    """Return the sequence with about so many contacts, sparse."""
     heap = heap_of_discs(contacts, True, MASSES, seed=contacts)
     mass = np.repeat(heap.bodies.mass, 2)
     n, moving = mass.size, np.arange(3 * heap.bodies.mass.size) % 3 < 2  # none turns
@@ -277,7 +273,6 @@ POOR = 0.9  # part of the expected returns that is not forgotten
 
 
 def rebalancing(assets: int, level: str) -> Sequence:
-    """Return the sequence with so many assets and a tenth as many factors."""
     rng = np.random.default_rng(assets)
     loadings = 0.3 * rng.standard_normal((assets, assets // 10))
     specific = 0.05 + 0.1 * rng.random(assets)

@@ -55,7 +55,6 @@ LOOPS: dict[str, Callable[[Stack, int], Answers]] = {
 
 
 def worst_residual(stack: Stack, x: np.ndarray, z: np.ndarray) -> float:
-    """Return the largest residual of all items."""
     P, q, G, h = stack
     Px, Gx = (np.einsum("kij,kj->ki", M, x) for M in (P, G))
     dual = Px + q + np.einsum("kij,ki->kj", G, z)

@@ -109,7 +109,6 @@ def judged_step(workspace: Any, problem: Problem, fresh: np.ndarray, eps: float)
 
 
 def described(request: Row) -> Row:
-    """Return what is said of a sequence, whoever solves it."""
     sequence = recorded(*(request[k] for k in ("scene", "size", "level", "steps")))
     _, q, _, h, _, b, _, _ = qps.parts(sequence.problem)
     found = {"variables": q.size, "inequalities": h.size, "equalities": b.size}

@@ -28,7 +28,6 @@ def told(solver: str, eps: float) -> dict[str, Any]:
 def answered(
     problem: Problem, found: bool, x: Any, multipliers: tuple[Any, Any, Any]
 ) -> Solution:
-    """Return a Solution; `multipliers` are y, z and z_box."""
     y, z, z_box = (np.asarray(part) for part in multipliers)
     z_box = z_box if problem.lb is not None or problem.ub is not None else np.empty(0)
     return Solution(
@@ -130,7 +129,6 @@ class Stacked:
         self.setup(P, A, C, eps)
 
     def setup(self, P: Any, A: Any, C: sp.csc_matrix, eps: float) -> None:
-        """Set up, and solve once."""
         raise NotImplementedError
 
     def sides(self, part: str) -> tuple[np.ndarray, np.ndarray]:
@@ -150,7 +148,6 @@ class Stacked:
         return arguments
 
     def answered(self, problem: Problem, found: bool, x: Any, v: Any, y: Any) -> Any:
-        """Return a solution from the multipliers v of the rows."""
         sizes = [self.sides(part)[0].size for part in self.order]
         parts = np.split(np.asarray(v), np.cumsum(sizes)[:-1])
         by_name = {"b": y, "box": np.zeros(0)} | dict(

@@ -115,7 +115,6 @@ class Tally:
 
 
 def read(path: Path) -> Iterator[Row]:
-    """Yield the rows of a CSV with their numbers."""
     for row in csv_files.read(path):
         yield row | {
             "seed": int(row["seed"]),
@@ -141,7 +140,6 @@ def truth_of(case: cases.Case) -> str:
 
 
 def examine(case: cases.Case, solver: str, eps: float, limit: float) -> Row:
-    """Return what a solver makes of a problem: truth, outcome, reason, time."""
     own = solver == "nam"
     start = time.perf_counter()
     answer = ask_nam(case) if own else ask_peer(case, solver, eps, limit)
@@ -160,7 +158,6 @@ def examine(case: cases.Case, solver: str, eps: float, limit: float) -> Row:
 
 
 def problem_of(part: Part, i: int, eps: float, limit: float) -> Row:
-    """Return what a solver makes of problem i of a set and a seed."""
     if part.set in relations.RELATIONS:
         start = time.perf_counter()
         outcome, why = relations.examine(part.seed, i, part.set)
@@ -190,7 +187,6 @@ class CampaignBench(Bench):
             self.wait(COMPILING)
 
     def examine(self, index: int, eps: float) -> Row:
-        """Return the row of problem `index`; a hang and a crash are outcomes."""
         row = self.ask(index, eps)
         if "outcome" not in row:
             words = row["status"]

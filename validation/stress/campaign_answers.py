@@ -60,7 +60,6 @@ SAID = {
 
 
 def ask_nam(case: cases.Case) -> Answer:
-    """Return what namlcp says at its default settings."""
     import namlcp
 
     before = snapshot(case.arguments)
@@ -79,14 +78,12 @@ def ask_nam(case: cases.Case) -> Answer:
 
 
 def qp_answer(result: Any) -> Answer:
-    """Return a QPResult in the judge's terms."""
     said = result.status.value
     arrays = result.x, result.y, result.z, result.z_box
     return Answer(SAID.get(said, "refused"), *arrays, said)
 
 
 def lcp_answer(result: Any) -> Answer:
-    """Return an LCPResult in the judge's terms."""
     said = result.status.value
     if said == "unsolvable":
         kind = "exhausted" if result.ray is None else said
@@ -95,7 +92,6 @@ def lcp_answer(result: Any) -> Answer:
 
 
 def ask_peer(case: cases.Case, solver: str, eps: float, limit: float) -> Answer:
-    """Return what a peer says of a convex QP through qpsolvers."""
     problem = qpsolvers_problem(case)
     if solver == "quadprog":
         problem = qpsolvers.Problem(*problem.unpack_as_dense())

@@ -52,7 +52,6 @@ def closest(maker: cases.Maker, d: draw.Draw) -> tuple[str, str]:
 def judge_closest(
     qp: Any, norm: int, bounds_stay: bool, found: Any, tolerance: Tolerance
 ) -> tuple[str, str]:
-    """Return the outcome for a `ClosestPoint`, and why it is not right."""
     said = found.status.value
     if said == "primal_infeasible":
         clear = (qp.lb > qp.ub).any() and bounds_stay
@@ -78,7 +77,6 @@ def judge_closest(
 
 
 def unbounded(qp: Any) -> Any:
-    """Return the QP without its bounds."""
     free = np.full(qp.q.size, np.inf)
     return qp._replace(lb=-free, ub=free)
 

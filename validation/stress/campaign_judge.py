@@ -219,7 +219,6 @@ def lcp_ray_faults(lcp: Any, v: np.ndarray) -> str:
 
 
 def judge_malformed(answer: Answer, name: str) -> tuple[str, str]:
-    """Return the outcome for a malformed argument, and why."""
     if answer.said != "error":
         return "wrong", f"{name} malformed: {answer.said}"
     named = re.search(rf"\b{name}\b", answer.words) is not None
@@ -273,7 +272,6 @@ def judge_qp(
 
 
 def judge_lcp(lcp: Any, truth: str, answer: Answer, eps_rel: float) -> tuple[str, str]:
-    """Return the outcome for an LCP, and why it is not right."""
     if truth == "far":
         lcp, truth = type(lcp)(*wide(lcp)), "near"
     if answer.said == "error":

@@ -158,20 +158,17 @@ def one_sided(qp: QP, direction: planted.Kept) -> Verdict:
 
 
 def derivative(maker: cases.Maker, d: draw.Draw) -> Verdict:
-    """Differentiate the solution of a QP with definite P along a change of q."""
     qp, _ = maker(d)
     return one_sided(qp, {"q": d.numbers(qp.q.size)})
 
 
 def at_kink(family: Callable[[int], QP], number: int) -> Verdict:
-    """Differentiate where constraints are active with multiplier 0, or depend."""
     names = planted.KINKS[family]
     qp = family(number)
     return one_sided(qp, planted.direction(qp, number, names[number % len(names)]))
 
 
 def regular(function: Callable[[int], tuple[float, float]], number: int) -> Verdict:
-    """Compare a derivative with differences, and with its adjoint."""
     error, gap = function(number)
     if error <= ERROR and gap <= ADJOINT:
         return RIGHT
@@ -179,26 +176,22 @@ def regular(function: Callable[[int], tuple[float, float]], number: int) -> Verd
 
 
 def lcp_kink(number: int) -> Verdict:
-    """Compare a one-sided derivative of an LCP with a difference."""
     error = differences.lcp_kink_error(number)
     return RIGHT if error <= differences.RIGHT else ("wrong", f"off by {error:.1e}")
 
 
 def drawn(check: Callable[[draw.Draw], Verdict], seed: int, number: int) -> Verdict:
-    """Examine a problem made from (seed, number) alone."""
     with np.errstate(invalid="ignore", over="ignore"):
         return check(draw.Draw(np.random.default_rng([seed, number, 1])))
 
 
 def numbered(check: Callable[[int], Verdict], seed: int, number: int) -> Verdict:
-    """Examine a problem made from one number."""
     return check(10**7 * seed + number)
 
 
 def of_fuzzed(
     check: Callable[[cases.Maker, draw.Draw], Verdict], makers: tuple[cases.Maker, ...]
 ) -> dict[str, Check]:
-    """Return a class for each maker of QPs, by its name."""
     return {
         f"{check.__name__.replace('_', ' ')} {maker.__name__.replace('_', ' ')}": (
             partial(drawn, partial(check, maker))
@@ -208,7 +201,6 @@ def of_fuzzed(
 
 
 def of_kinks() -> dict[str, Check]:
-    """Return a class for each family of kinks, by its name."""
     return {
         f"derivative {family.__name__.replace('_', ' ')}": (
             partial(numbered, partial(at_kink, family))
@@ -238,5 +230,4 @@ def class_of(i: int, name: str) -> str:
 
 
 def examine(seed: int, i: int, name: str) -> Verdict:
-    """Return the outcome of problem i of a set, and why it is not right."""
     return RELATIONS[name][class_of(i, name)](seed, i // len(RELATIONS[name]))

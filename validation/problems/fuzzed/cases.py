@@ -68,12 +68,10 @@ semidefinite; and those of values: at bounds, far apart, of single precision."""
 
 
 def kind_of(i: int, cycle: str = "every") -> Maker | str:
-    """Return the class of problem i."""
     return CYCLES[cycle][i % len(CYCLES[cycle])]
 
 
 def group_of(i: int, cycle: str = "every") -> str:
-    """Return the name of the class of problem i."""
     kind = kind_of(i, cycle)
     if isinstance(kind, str):
         return kind

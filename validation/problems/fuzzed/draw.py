@@ -33,7 +33,6 @@ class Draw:
         return n, m, p
 
     def chance(self, share: float) -> bool:
-        """Return True in that share of the cases."""
         return bool(self.rng.random() < share)
 
     def some(self, n: int, share: float) -> np.ndarray:
@@ -41,7 +40,6 @@ class Draw:
         return self.rng.random(n) < share
 
     def one_of(self, *values: float) -> float:
-        """Return one of the values."""
         return float(self.rng.choice(values))
 
     def power(self, low: float, high: float, n: int | None = None) -> np.ndarray:
@@ -65,7 +63,6 @@ class Draw:
         return self.numbers(rows, n) * (self.rng.random((rows, n)) < self.density)
 
     def orthogonal(self, n: int) -> np.ndarray:
-        """Return a random orthogonal matrix."""
         return np.linalg.qr(self.rng.standard_normal((n, n)))[0]
 
 
@@ -75,7 +72,6 @@ def symmetric(M: np.ndarray) -> np.ndarray:
 
 
 def definite(draw: Draw, n: int) -> np.ndarray:
-    """Return F F' + I."""
     F = draw.matrix(n, n)
     return F @ F.T + np.eye(n)
 

@@ -33,7 +33,6 @@ def strided(values: np.ndarray) -> np.ndarray:
 
 
 def read_only(values: np.ndarray) -> np.ndarray:
-    """Return a copy that nobody may write to."""
     copy = values.copy()
     copy.setflags(write=False)
     return copy
@@ -74,7 +73,6 @@ def sparse_form(rng: Rng, values: np.ndarray) -> Any:
 
 
 def other_type_sparse(rng: Rng, values: np.ndarray) -> np.ndarray:
-    """Return the values in another number type that SciPy has and that holds them."""
     kind = (np.int64, np.int32, np.float32, bool)[int(rng.integers(4))]
     return values.astype(kind) if kept_by(values, kind) else values
 
@@ -182,7 +180,6 @@ def unsymmetric(rng: Rng, values: np.ndarray) -> Any:
 
 
 def wider(rng: Rng, values: np.ndarray) -> Any:
-    """Return the matrix with a column more."""
     return np.hstack((values, np.ones((values.shape[0], 1))))
 
 

@@ -16,7 +16,6 @@ SEEDS = 2**31
 
 
 def plain(A: np.ndarray, q: np.ndarray) -> LCP:
-    """Return the LCP of z >= 0."""
     return LCP(A, q, np.zeros(q.size), np.full(q.size, INF))
 
 

@@ -277,7 +277,6 @@ def without_solution(draw: Draw, skew: bool) -> LCP:
 
 
 def unsolvable(draw: Draw) -> Truth:
-    """Symmetric semidefinite, without a solution."""
     return without_solution(draw, False), "unsolvable"
 
 

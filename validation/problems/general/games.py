@@ -27,12 +27,10 @@ KNOWN: dict[str, tuple[list[list[float]], list[list[float]], tuple[float, ...]]]
 
 
 def costs(R: np.ndarray, C: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return positive costs for payoffs."""
     return R.max() - R + 1.0, C.max() - C + 1.0
 
 
 def lcp(R: np.ndarray, C: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return A and q for the payoffs of both players."""
     R, C = costs(np.array(R, dtype=float), np.array(C, dtype=float))
     p, r = R.shape
     A = np.block([[np.zeros((p, p)), R], [C.T, np.zeros((r, r))]])
