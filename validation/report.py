@@ -89,9 +89,7 @@ JOBS = (
     suite("oracles", "oracles.agreement", 10.0, 1.0),
     suite("hertz", "applications.hertz", 1.0),
     suite("american-put", "applications.american_put", 0.2),
-    Job("paper-tables", """
-        paper.tables --results {results} --figures {figures}
-        """, 0.5),
+    Job("paper-tables", "paper.tables tables --results {results}", 0.5),
     Job("paper-large", "paper.tables large --results {results}", 2.0),
     Job("stability stability-units", """
         paper.stability --results {results} --figures {figures}

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from validation.harness import tables
-from validation.harness.csv_files import Row, header
+from validation.harness.csv_files import Row
 
 mpl.use("Agg")
 
@@ -129,11 +129,3 @@ def name_lines(
             handles=handles, labelcolor="linecolor", fontsize=7.5, handlelength=1.0,
             borderpad=0.1, labelspacing=0.2,
         )  # fmt: skip
-
-
-def caption(axes: Axes, file: Path, below: float = 46.0) -> None:
-    """Write CPU and date, from the first lines of a CSV file, points below an axes."""
-    known = dict(line.split(": ", 1) for line in header(file) if ": " in line)
-    text = f"{known['cpu']}; {known['date']}; {file.name}"
-    style = {"xycoords": "axes fraction", "textcoords": "offset points", "color": DARK}
-    axes.annotate(text, (0.0, 0.0), (0.0, -below), fontsize=6.5, **style)

@@ -53,6 +53,8 @@ def scenes(data: Path, m: int = M) -> list[sweep_scenes.Scene]:
 
 
 class Run:
+    """A scene with its start and its stop."""
+
     def __init__(self, scene: sweep_scenes.Scene):
         A, q, lower, upper = scene[1:5]
         self.lcp = LCP(Prepared(A), q, lower, upper)

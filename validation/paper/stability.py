@@ -175,7 +175,6 @@ COUNTS = ListedColormap(plt.get_cmap("YlGnBu")(np.linspace(0.0, 0.87, 256)))
 LIMITS = LogNorm(5.0, 2000.0)
 CURVES = {"msor": 2.0, "namsor": 2.0, "maor": 2.0, "namaor": 2.0, "amsor": 1.0}
 """k of the white line c = alpha^-k / k: Omega = D/(2 alpha^2) or D/alpha."""
-AXES = {"alpha": "$\\alpha$", "c": "c, $\\Omega$ = c D", "c I": "c, $\\Omega$ = c I"}
 
 
 def name_of(method: str) -> str:
@@ -205,7 +204,6 @@ def panels(rows: Rows, height: float, **shared: bool) -> tuple[Figure, Any, Any]
 def plot(results: Path, figures: Path) -> None:
     rows = csv_files.read(results / "stability.csv")
     plot_maps([row for row in rows if row["axes"] == "alpha c"], figures)
-    plot_strips([row for row in rows if row["axes"] != "alpha c"], figures)
     plot_units(csv_files.read(results / "stability-units.csv"), figures)
 
 
@@ -275,30 +273,6 @@ def plot_maps(rows: Rows, figures: Path) -> None:
         fontsize=9,
     )
     charts.save(figure, figures / "stability-maps.png")
-
-
-def plot_strips(rows: Rows, figures: Path) -> None:
-    """Draw the methods with one parameter."""
-    figure, grid, found = panels(rows, 5.2)
-    for axes, own in found:
-        relaxed = own[0]["axes"] == "alpha"
-        x = [float(row["c"]) for row in own]
-        x = x if relaxed else [float(np.log2(value)) for value in x]
-        step = (x[1] - x[0]) / 2
-        cells = {str(k): row["only"] for k, row in enumerate(own)}
-        show(axes, [cells], list(cells), (x[0] - step, x[-1] + step, 0.0, 1.0))
-        axes.set_yticks([])
-        if relaxed:
-            axes.set_xticks([0.5, 1.0, 1.5])
-        else:
-            axes.set_xticks([-6, 0, 6], ["1/64", "1", "64"])
-    for line, (_, own) in zip(grid, found[:: grid.shape[1]], strict=True):
-        line[0].set_ylabel(
-            f"{title_of(own[0])}\n{AXES[own[0]['axes']]}",
-            fontsize=8, rotation=0, ha="right", va="center",
-        )  # fmt: skip
-    legend(figure, grid, "iterations")
-    charts.save(figure, figures / "stability-factored.png")
 
 
 def plot_units(rows: Rows, figures: Path) -> None:

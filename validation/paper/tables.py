@@ -1,33 +1,28 @@
 """Tables 1 and 2 of the paper, checked, and the rows that the paper does not have.
 
-run
+tables
     paper-tables.csv: the 48 printed runs (delta = 4), iterations and Res beside the
-    printed ones. Times are of whole calls of `solve_lcp` with a sparse matrix: median
-    and quartiles.
-plot
-    The figure of it.
+    printed ones. Times are of whole calls of `solve_lcp` with a sparse matrix.
 large
     paper-large.csv: sizes that the paper does not have, up to n = 10^6, beside a plain
     transcription of the matrix formula.
 
-Without a subcommand: run and plot. The paper does not say what Omega is; with Omega =
+The paper does not say what Omega is; with Omega =
 D/(2 alpha^2) all printed counts come out.
 """
 
 import itertools
 import time
 from collections.abc import Iterator
-from pathlib import Path
+from functools import partial
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from matplotlib import pyplot as plt
-from matplotlib.axes import Axes
 from scipy.sparse.linalg import splu
 
 from namlcp import LCPResult, solve_lcp
-from validation.harness import Row, charts, cli, csv_files, tables
+from validation.harness import Row, cli, csv_files, timing
 from validation.problems import sweep_scenes
 
 EPS = 1e-5
@@ -57,9 +52,7 @@ for line in PRINTED.strip().splitlines():
     name = int(example), method, None if alpha == "-" else float(alpha)
     TABLES[name] = (tuple(map(int, counts.split())), *entries)
 
-NAMES = {"mgs": "MGS", "namgs": "NAMGS", "msor": "MSOR", "namsor": "NAMSOR"}
 HELD_OUT = (20, 70, 120, 316, 1000)  # m
-REPEATS, REPEAT_TIME = 15, 0.3  # calls, [s]: repeat until either is reached
 
 
 def solve(
@@ -71,20 +64,6 @@ def solve(
     )  # fmt: skip
 
 
-def timed(scene: sweep_scenes.Scene, method: str, max_iter: int, **given: Any) -> Row:
-    times: list[float] = []
-    while not times or (len(times) <= REPEATS and sum(times) < REPEAT_TIME):
-        start = time.perf_counter()
-        result = solve(scene, method, max_iter, **given)
-        times.append(time.perf_counter() - start)
-    if len(times) > 1:
-        del times[0]
-    low, median, high = np.percentile(times, (25, 50, 75))
-    row = {"iterations": result.iterations, "residual": result.residual}
-    row |= {"status": result.status.value, "time": median, "time_q1": low}
-    return row | {"time_q3": high, "runs": len(times)}
-
-
 def table_rows() -> Iterator[Row]:
     """Yield the 48 printed runs with what was printed."""
     for (example, method, alpha), printed in TABLES.items():
@@ -92,21 +71,24 @@ def table_rows() -> Iterator[Row]:
         if method.startswith("nam"):
             given["shift"] = 1.0
         for m, count, digits, cpu in zip(SIZES, *printed, strict=True):
-            key = {"example": example, "method": method, "alpha": alpha or 1.0}
-            row = timed(sweep_scenes.paper_example(example, m), method, 100, **given)
-            yield (
-                key
-                | {"n": m * m}
-                | row
-                | {
-                    "printed_iterations": count,
-                    "printed_residual": digits / 1e7,
-                    "printed_time": cpu,
-                    "count_agrees": row["iterations"] == count,
-                    "residual_agrees": f"{row['residual']:.1e}"
-                    == f"{digits / 1e7:.1e}",
-                }
-            )
+            scene = sweep_scenes.paper_example(example, m)
+            ask = partial(solve, scene, method, 100, **given)
+            result, _, seconds = timing.median_time(ask)
+            close = f"{result.residual:.1e}" == f"{digits / 1e7:.1e}"
+            yield {
+                "example": example,
+                "method": method,
+                "alpha": alpha or 1.0,
+                "n": m * m,
+                "iterations": result.iterations,
+                "residual": result.residual,
+                "time": seconds,
+                "printed_iterations": count,
+                "printed_residual": digits / 1e7,
+                "printed_time": cpu,
+                "count_agrees": result.iterations == count,
+                "residual_agrees": close,
+            }
 
 
 def large_rows() -> Iterator[Row]:
@@ -146,65 +128,11 @@ def transcription(scene: sweep_scenes.Scene, omega: np.ndarray) -> tuple[int, fl
     return count, residual
 
 
-def plot(results: Path, figures: Path) -> None:
-    file = results / "paper-tables.csv"
-    figure, axes = plt.subplots(2, 2, figsize=(charts.WIDTH, 6.2), layout="constrained")
-    for column, example in enumerate(("1", "2")):
-        rows = tables.chosen(csv_files.read(file), example=example)
-        for line, (word, key, unit) in enumerate(
-            (("sweeps", "iterations", 1.0), ("time", "time", 1e3))
-        ):
-            draw_lines(axes[line, column], rows, key, unit)
-            title = f"Example {example}, $\\delta = 4$: {word}"
-            axes[line, column].set_title(title)
-        axes[0, column].set_ylim(0, None)
-        axes[0, column].set_ylabel("sweeps to Res < $10^{-5}$")
-        axes[1, column].set_yscale("log")
-        axes[1, column].set_ylabel("time [ms], median and quartiles")
-    charts.caption(axes[1, 0], file)
-    charts.save(figure, figures / "paper-tables.svg")
-
-
-def draw_lines(axes: Axes, rows: list[Row], key: str, unit: float) -> None:
-    """Draw computed numbers as lines, printed ones as hollow marks, dotted."""
-    lines = {}
-    for method, name in NAMES.items():
-        own = tables.chosen(rows, method=method)
-        n = [int(row["n"]) for row in own]
-        ours, printed = (
-            [unit * float(row[column]) for row in own]
-            for column in (key, f"printed_{key}")
-        )
-        colour, marker = charts.METHODS[method]
-        axes.plot(n, ours, color=colour, marker=marker)
-        axes.plot(n, printed, ":", color=colour, marker=marker, fillstyle="none",
-                  markersize=8)  # fmt: skip
-        if key == "time":
-            ends = (
-                [unit * float(row[q]) for row in own] for q in ("time_q1", "time_q3")
-            )
-            axes.vlines(n, *ends, color=colour, linewidth=1.0)
-        lines[name] = list(zip(n, ours, strict=True)), colour
-    axes.plot([], [], "o:", color=charts.DARK, fillstyle="none", label="printed")
-    axes.legend(loc="best", handletextpad=0.3)
-    axes.set_xscale("log")
-    axes.set_xlim(80, 26000)
-    axes.set_xlabel("n")
-    charts.name_lines(axes, lines)
-
-
 def main(arguments: list[str] | None = None) -> int:
-    parser = cli.parser(__doc__, "results", "figures")
-    parser.add_argument("part", nargs="?", choices=("run", "plot", "large"))
+    parser = cli.parser(__doc__, "results")
+    parser.add_argument("part", choices=("tables", "large"))
     args = parser.parse_args(arguments)
-    files: dict[str, Iterator[Row]] = {}
-    if args.part in (None, "run"):
-        files = {"tables": table_rows()}
-    if args.part == "large":
-        files = {"large": large_rows()}
-    header = cli.begin() if files else []
-    for name, rows in files.items():
-        csv_files.write(args.results / f"paper-{name}.csv", header, list(rows))
-    if args.part in (None, "plot"):
-        plot(args.results, args.figures)
+    rows = table_rows() if args.part == "tables" else large_rows()
+    file = args.results / f"paper-{args.part}.csv"
+    csv_files.write(file, cli.begin(), list(rows))
     return 0
