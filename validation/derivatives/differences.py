@@ -35,8 +35,8 @@ COUNTS, QUICK_COUNTS = (2000, 40), (100, 5)  # regular problems, and kinks
 EXACT = {"eps_abs": 1e-13, "eps_rel": 1e-13}
 STEP = 1e-4  # of the central difference; half of it is the second one
 ONE_SIDED = 1e-4  # step at kinks, doubled once to extrapolate
-RIGHT = 1e-4
-CLOSEST_STEP, CLOSEST_RIGHT = 1e-5, 1e-7
+RIGHT, ADJOINT = 1e-4, 1e-10  # errors at kinks, and gaps of the adjoint
+CLOSEST_STEP = 1e-5
 CLOSEST_KINDS = (  # variables, rows, equations, whether there are bounds
     (3, 14, 1, False),  # the shifted rows determine x
     (9, 5, 2, False),  # the cost does
@@ -159,18 +159,6 @@ def regular_lcp(seed: int) -> tuple[float, float]:
     return error, adjoint_gap(g * found, paired(gradients, d))
 
 
-def regular(name: str, one: Callable[[int], tuple[float, float]], count: int) -> Row:
-    errors, gaps = np.transpose([one(seed) for seed in range(count)])
-    return {
-        "family": name,
-        "data": "all",
-        "problems": count,
-        "error": errors.max(),
-        "adjoint": gaps.max(),
-        "right": int(np.sum((errors <= 1e-7) & (gaps <= 1e-10))),
-    }
-
-
 def one_sided_error(
     found: np.ndarray, solution: Callable[[float], np.ndarray]
 ) -> float:
@@ -228,50 +216,47 @@ def closest_error(seed: int) -> float:
     return abs(sum(paired(gradients, d)) - expected) / (1.0 + abs(expected))
 
 
-def kinks(name: str, data: str, errors: list[float], right: float = RIGHT) -> Row:
-    """Return the row of a family of kinks, or of another one, right to `right`."""
-    row: Row = {"family": name, "data": data, "problems": len(errors)}
-    return row | {"error": max(errors), "right": sum(e <= right for e in errors)}
+def of_kinks(
+    make: Callable[[int], QP], names: str
+) -> Callable[[int], tuple[float, float]]:
+    return lambda seed: (kink_error(make(seed), names, seed), 0.0)
 
 
-def rows(count: int, problems: int) -> Iterator[Row]:
-    for family, data in FAMILIES:
-        yield row_of(family, data, count, problems)
+FAMILIES: dict[tuple[str, str], tuple[Callable[[int], tuple[float, float]], float]] = {
+    ("QP", "all"): (regular_qp, 1e-7),
+    ("LCP", "all"): (regular_lcp, 1e-7),
+    **{
+        (make.__name__, names): (of_kinks(make, names), RIGHT)
+        for make, every in cases.KINKS.items()
+        for names in every
+    },
+    ("weak_lcp", "A, q"): (lambda seed: (lcp_kink_error(seed), 0.0), RIGHT),
+    ("closest", "all"): (lambda seed: (closest_error(seed), 0.0), 1e-7),
+}
+"""By family and the data that are changed: error and gap of the adjoint of a problem,
+and the error that is right."""
 
 
-def row_of(family: str, data: str, count: int, problems: int) -> Row:
-    if family in REGULAR:
-        return regular(family, REGULAR[family], count)
-    if family == "weak_lcp":
-        return kinks(family, data, [lcp_kink_error(seed) for seed in range(problems)])
-    if family == "closest":
-        found = [closest_error(seed) for seed in range(3 * problems)]
-        return kinks(family, data, found, CLOSEST_RIGHT)
-    make = next(make for make in cases.KINKS if make.__name__ == family)
-    found = [kink_error(make(s), data, s) for s in range(problems)]
-    return kinks(family, data, found)
+def row_of(family: str, data: str, counts: tuple[int, int]) -> Row:
+    one, right = FAMILIES[family, data]
+    count = counts[0] if family in ("QP", "LCP") else counts[1]
+    count *= 3 if family == "closest" else 1
+    errors, gaps = np.transpose([one(seed) for seed in range(count)])
+    row: Row = {"family": family, "data": data, "problems": count}
+    row |= {"error": errors.max(), "adjoint": gaps.max()}
+    return row | {"right": int(np.sum((errors <= right) & (gaps <= ADJOINT)))}
 
 
-REGULAR = {"QP": regular_qp, "LCP": regular_lcp}
-FAMILIES = (
-    *((family, "all") for family in REGULAR),
-    *((make.__name__, names) for make, every in cases.KINKS.items() for names in every),
-    ("weak_lcp", "A, q"),
-    ("closest", "all"),
-)
-"""Every family, with the data that are changed."""
-
-
-def work(job: Job, family: str, data: str, count: int, problems: int) -> Row:
+def work(job: Job, family: str, data: str, counts: tuple[int, int]) -> Row:
     job.ready()
-    return row_of(family, data, count, problems)
+    return row_of(family, data, counts)
 
 
 def requests(args: Args) -> Iterator[Row]:
-    sizes = QUICK_COUNTS if args.quick else COUNTS
+    counts = QUICK_COUNTS if args.quick else COUNTS
     for family, data in FAMILIES:
         key = {"family": family, "data": data}
-        yield key | {"ask": lambda key=key: (*key.values(), *sizes)}
+        yield key | {"ask": lambda key=key: (*key.values(), counts)}
 
 
 SUITE = Suite(

@@ -29,9 +29,6 @@ DARK = "#555555"
 LIGHT = "#CFCFCF"
 
 METHODS = {
-    "mgs": (PURPLE, "o"),
-    "msor": (PURPLE, "s"),
-    "namgs": (BLUE, "o"),
     "namsor": (BLUE, "s"),
     "pgs": (GREEN, "o"),
     "modulus": (DARK, "o"),
