@@ -169,136 +169,105 @@ def unit_rows() -> Iterator[Row]:
         yield row
 
 
-Rows = list[dict[str, str]]
-FAILURES = {"slow": "#F2B134", "cycles": "#D6336C", "diverges": "#222222"}
+FAILURES = {
+    "slow": ("#F2B134", "slow: falls steadily, not there in time"),
+    "cycles": ("#D6336C", "cycles or wanders: no measurable progress"),
+    "diverges": ("#222222", "diverges"),
+}
 COUNTS = ListedColormap(plt.get_cmap("YlGnBu")(np.linspace(0.0, 0.87, 256)))
 LIMITS = LogNorm(5.0, 2000.0)
 CURVES = {"msor": 2.0, "namsor": 2.0, "maor": 2.0, "namaor": 2.0, "amsor": 1.0}
 """k of the white line c = alpha^-k / k: Omega = D/(2 alpha^2) or D/alpha."""
 
 
-def name_of(method: str) -> str:
-    names = {"modulus": "modulus", "modified-nam": "modified NAM"}
-    zero = ", $\\beta$ = 0" if method in ("maor", "namaor") else ""
-    return names.get(method, method.upper()) + zero
-
-
-def panels(rows: Rows, height: float, **shared: bool) -> tuple[Figure, Any, Any]:
-    classes = tables.distinct(rows, "class")
-    methods = tables.distinct(rows, "method", "shift")
-    figure, grid = plt.subplots(
-        len(methods), len(classes), figsize=(11.5, height), layout="constrained",
-        **shared,
-    )  # fmt: skip
-    for axes, name in zip(grid[0], classes, strict=True):
-        title = textwrap.fill(name, 14, break_on_hyphens=False)
-        axes.set_title(title, fontsize=8.5)
-    found = []
-    for line, (method, shift) in zip(grid, methods, strict=True):
-        for axes, name in zip(line, classes, strict=True):
-            wanted = {"class": name, "method": method, "shift": shift}
-            found.append((axes, tables.chosen(rows, **wanted)))
-    return figure, grid, found
-
-
-def plot(results: Path, figures: Path) -> None:
-    rows = csv_files.read(results / "stability.csv")
-    plot_maps([row for row in rows if row["axes"] == "alpha c"], figures)
-    plot_units(csv_files.read(results / "stability-units.csv"), figures)
-
-
 @cache
 def colour(cell: str) -> tuple[float, ...]:
     if cell in FAILURES:
-        return to_rgb(FAILURES[cell])
+        return to_rgb(FAILURES[cell][0])
     return COUNTS(LIMITS(max(float(cell), LIMITS.vmin or 1.0)))[:3]
 
 
-def legend(figure: Figure, axes: Any, what: str) -> None:
-    """Add the colour bar of the counts and the colours of the failures."""
-    bar = figure.colorbar(
-        ScalarMappable(LIMITS, COUNTS), ax=axes, location="right", shrink=0.5,
-        aspect=30, pad=0.01,
-    )  # fmt: skip
-    bar.set_label(f"{what} to Res < $10^{{-6}}$ Res($z_0$)")
-    ticks = [5, 10, 20, 50, 100, 200, 500, 1000, 2000]
-    bar.set_ticks(ticks, labels=[str(tick) for tick in ticks])
-    words = ("slow: falls steadily, not there in time",
-             "cycles or wanders: no measurable progress", "diverges")  # fmt: skip
-    pairs = zip(FAILURES.values(), words, strict=True)
-    patches = [Patch(color=colour, label=text) for colour, text in pairs]
-    figure.legend(handles=patches, loc="outside lower center", ncols=3)
+def title_of(row: Row) -> str:
+    zero = ", $\\beta$ = 0" if "aor" in row["method"] else ""
+    shift = f", E = {row['shift']}" if row["shift"] else ""
+    return row["method"].replace("modified-", "modified ").upper() + zero + shift
 
 
-def show(axes: Axes, rows: Rows, names: list[str], extent: tuple[float, ...]) -> None:
+def show(axes: Axes, rows: list[Row], down: str) -> None:
+    """Draw the cells of rows, which differ in a column, and label some."""
+    names = [name for name in rows[0] if name.strip("-").replace(".", "").isdigit()]
     cells = np.array([[colour(row[name]) for name in names] for row in rows])
-    axes.imshow(cells, extent=extent, aspect="auto", interpolation="nearest")
+    axes.imshow(cells, aspect="auto", interpolation="nearest")
     axes.grid(False)
     axes.tick_params(length=2, labelsize=7)
-    for spine in axes.spines.values():
-        spine.set(visible=True, linewidth=0.5, color=charts.DARK)
+    axes.set_xticks(range(0, len(names), 6), names[::6])
+    labels = [f"{float(row[down]):.2g}" for row in rows]
+    axes.set_yticks(range(0, len(rows), 4), labels[::4])
 
 
-def title_of(row: dict[str, str]) -> str:
-    return name_of(row["method"]) + (f"\n(E = {row['shift']})" if row["shift"] else "")
+def finish(figure: Figure, axes: Any, file: Path, across: str, down: str) -> None:
+    """Name the axes, add the colours of counts and failures, and save."""
+    bar = figure.colorbar(ScalarMappable(LIMITS, COUNTS), ax=axes, shrink=0.5, pad=0.01)
+    bar.set_label("sweeps to Res < $10^{-6}$ Res($z_0$)")
+    patches = [Patch(color=look, label=text) for look, text in FAILURES.values()]
+    figure.legend(handles=patches, loc="outside lower center", ncols=3)
+    for panel in axes[-1]:
+        panel.set_xlabel(across, fontsize=8.0)
+    figure.supylabel(down, fontsize=9.0)
+    charts.save(figure, file)
 
 
-def plot_maps(rows: Rows, figures: Path) -> None:
+def plot(results: Path, figures: Path) -> None:
+    plot_maps(csv_files.read(results / "stability.csv"), figures)
+    plot_units(csv_files.read(results / "stability-units.csv"), figures)
+
+
+def plot_maps(rows: list[Row], figures: Path) -> None:
     """Draw c against alpha for every class (column) and method (row)."""
-    names = [name for name in rows[0] if name[:2] in ("0.", "1.")]
-    alphas = [float(name) for name in names]
-    dx, x = (alphas[1] - alphas[0]) / 2, np.linspace(alphas[0], alphas[-1], 50)
-    figure, grid, found = panels(rows, 10.2, sharex=True, sharey=True)
-    for axes, own in found:
-        powers = [np.log2(float(row["c"])) for row in own]
-        dy = (powers[0] - powers[1]) / 2
-        ends = powers[-1] - dy, powers[0] + dy
-        show(axes, own, names, (alphas[0] - dx, alphas[-1] + dx, *ends))
-        k = CURVES[own[0]["method"]]
-        axes.plot(x, 1.0 - k - k * np.log2(x), color="white", linewidth=0.9)
-        if k == 1.0:
-            axes.plot([1.0], [0.0], "o", color="white", markersize=3)
-        axes.set_ylim(ends)
-        axes.set_xticks([0.5, 1.0, 1.5])
-        axes.set_yticks([-4, -2, 0, 2, 4], ["1/16", "1/4", "1", "4", "16"])
-    for line, (_, own) in zip(grid, found[:: grid.shape[1]], strict=True):
-        line[0].set_ylabel(f"{title_of(own[0])}\nc", fontsize=8)
-    for axes in grid[-1]:
-        axes.set_xlabel("$\\alpha$", fontsize=8)
-    legend(figure, grid, "sweeps")
+    rows = tables.chosen(rows, axes="alpha c")
+    classes = tables.distinct(rows, "class")
+    methods = tables.distinct(rows, "method", "shift")
+    figure, grid = plt.subplots(
+        len(methods), len(classes), figsize=(11.5, 10.2), sharex=True, sharey=True,
+        layout="constrained",
+    )  # fmt: skip
+    alpha = np.linspace(0.1, 1.9, 50)
+    for line, (method, shift) in zip(grid, methods, strict=True):
+        k = CURVES[method]
+        for axes, name in zip(line, classes, strict=True):
+            wanted = {"class": name, "method": method, "shift": shift}
+            own = tables.chosen(rows, **wanted)
+            show(axes, own, "c")
+            # in places of the cells: alpha = 0.1, 0.2, ...; c = 16, 16/sqrt(2), ...
+            power = 1.0 - k - k * np.log2(alpha)
+            axes.plot(10.0 * alpha - 1.0, 8.0 - 2.0 * power, "w", linewidth=0.9)
+            axes.set_ylim(len(own) - 0.5, -0.5)
+        line[0].set_ylabel(title_of(own[0]), fontsize=8)
+    for axes, name in zip(grid[0], classes, strict=True):
+        axes.set_title(textwrap.fill(name, 14, break_on_hyphens=False), fontsize=8.5)
     figure.suptitle(
         "Sweep methods over $\\alpha$ and c in $\\Omega$ = c D.  White line: "
         "$\\Omega = D/(2\\alpha^2)$, the paper's; in AMSOR $\\Omega = D/\\alpha$, "
-        "which is projected SOR (dot: projected Gauss-Seidel)",
+        "which is projected SOR",
         fontsize=9,
     )
-    charts.save(figure, figures / "stability-maps.png")
+    finish(figure, grid, figures / "stability-maps.png", "$\\alpha$", "c")
 
 
-def plot_units(rows: Rows, figures: Path) -> None:
-    """Draw delta against the unit of A and q for every method."""
-    methods = tables.distinct(rows, "method", "shift")
-    names = [name for name in rows[0] if name.lstrip("-").isdigit()]
-    deltas = tables.distinct(rows, "delta")
+def plot_units(rows: list[Row], figures: Path) -> None:
+    """Draw delta against the unit of A and q, 10^k, for every method."""
     figure, grid = plt.subplots(
         3, 7, figsize=(11.5, 6.0), sharex=True, sharey=True, layout="constrained"
     )
+    methods = tables.distinct(rows, "method", "shift")
     for axes, (method, shift) in zip(grid.flat, methods, strict=False):
         own = tables.chosen(rows, method=method, shift=shift)
-        sides = float(names[0]) - 0.5, float(names[-1]) + 0.5
-        show(axes, own, names, (*sides, len(deltas) - 0.5, -0.5))
-        text = name_of(method).split(",")[0] + (f", E = {shift}" if shift else "")
-        axes.set_title(text, fontsize=8.5)
-        axes.set_xticks([-6, -3, 0, 3, 6], [f"$10^{{{k}}}$" for k in (-6, -3, 0, 3, 6)])
-        axes.set_yticks(range(len(deltas)), [f"{float(d):g}" for d in deltas])
+        show(axes, own, "delta")
+        axes.set_title(title_of(own[0]).replace(", $\\beta$ = 0", ""), fontsize=8.5)
     for axes in grid.flat[len(methods) :]:
         axes.axis("off")
-    for axes in grid[:, 0]:
-        axes.set_ylabel("$\\delta$")
-    for axes in grid[-1]:
-        axes.set_xlabel("unit of A and q", fontsize=8)
-    legend(figure, grid, "iterations")
-    charts.save(figure, figures / "stability-units.png")
+    file = figures / "stability-units.png"
+    finish(figure, grid, file, "k, unit $10^k$", "$\\delta$")
 
 
 def main(arguments: list[str] | None = None) -> int:
