@@ -117,24 +117,21 @@ def stamp(commands: list[str]) -> str:
     return found.hexdigest()
 
 
-def begin(job: Job, now: str, out: Path) -> None:
-    """Clear the files of a job that grows, unless a run with this stamp began them."""
-    for name in job.files.split() if job.grows else ():
-        begun = out / "stamps" / f"{name}.begun"
-        if not begun.exists() or begun.read_text() != now:
-            (out / "results" / f"{name}.csv").unlink(missing_ok=True)
-            begun.write_text(now)
-
-
 def run(job: Job, data: Path, out: Path, quick: bool, again: bool) -> str:
+    """Make the files of a job if they are out of date; return what is wrong.
+
+    A job that grows begins anew unless a run with this stamp began its file.
+    """
     lines = job.lines(quick)
-    now = stamp(lines)
-    marks = [out / "stamps" / name for name in job.files.split()]
-    if not again and all(mark.exists() and mark.read_text() == now for mark in marks):
+    now, mark = stamp(lines), out / "stamps" / job.name
+    was = mark.read_text() if mark.exists() else ""
+    if not again and was == f"done {now}":
         return ""
-    begin(job, now, out)
     paths = {"data": data, "results": out / "results", "figures": out / "figures"}
     paths["csv"] = paths["results"] / f"{job.name}.csv"
+    if job.grows and was != f"begun {now}":
+        paths["csv"].unlink(missing_ok=True)
+    mark.write_text(f"begun {now}")
     with (out / "logs" / f"{job.name}.txt").open("w") as log:
         for line in lines:
             script, *words = line.split()
@@ -146,8 +143,7 @@ def run(job: Job, data: Path, out: Path, quick: bool, again: bool) -> str:
                 return "data are missing"
             if code:
                 return f"{script} ended with {code}, see {log.name}"
-    for mark in marks:
-        mark.write_text(now)
+    mark.write_text(f"done {now}")
     return ""
 
 
