@@ -47,7 +47,6 @@ def asked(args):
 
 TRIED = Suite(
     name="tried",
-    doc="",
     requests=asked,
     work=answer,
     complete=lambda row: row | {"said": row["status"]},

@@ -214,7 +214,6 @@ def puts(args: Args) -> Iterator[Row]:
 
 SUITE = Suite(
     name="american-put",
-    doc=__doc__,
     requests=puts,
     work=timed,
     columns="put nodes steps price error us_a_step us_kept ratio",

@@ -273,7 +273,6 @@ def plot(results: Path, figures: Path) -> None:
 
 SUITE = Suite(
     name="large",
-    doc=__doc__,
     requests=requests,
     work=work,
     columns=(

@@ -292,7 +292,6 @@ def conclude_steps(rows: list[Row]) -> list[Row]:
 SUITES = {
     "models": Suite(
         name="cvxpy-models",
-        doc=__doc__,
         requests=of_models,
         work=work,
         conclude=conclude,
@@ -308,7 +307,6 @@ SUITES = {
     ),
     "steps": Suite(
         name="cvxpy-resolve",
-        doc=__doc__,
         requests=of_sequences,
         work=work_steps,
         conclude=conclude_steps,

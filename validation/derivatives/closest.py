@@ -220,7 +220,6 @@ def requests(args: Args) -> Iterator[Row]:
 
 SUITE = Suite(
     name="closest",
-    doc=__doc__,
     requests=requests,
     work=work,
     columns=COLUMNS,

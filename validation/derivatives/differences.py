@@ -261,7 +261,6 @@ def requests(args: Args) -> Iterator[Row]:
 
 SUITE = Suite(
     name="derivatives",
-    doc=__doc__,
     requests=requests,
     work=work,
     columns="family data problems error adjoint right",

@@ -338,7 +338,6 @@ def requests(args: Args) -> Iterator[Row]:
 
 SUITE = Suite(
     name="derivatives-peers",
-    doc=__doc__,
     requests=requests,
     work=work,
     columns="case solver solve backward error ratio linear",

@@ -1,27 +1,32 @@
-"""General LCPs by families, sizes and seeds: who solves them, and how fast.
+"""General LCPs by families, sizes and seeds, and time steps: who solves them, how fast.
 
-Families: `problems.general.families`; all problems have a solution. Solved means that
-the solver says so and Res(z) <= 1e-9 max |q_i| on the data as given; namlcp, which has
-an option for it, is asked for that. Solvers: `nam`, method="auto"; `lemke`,
-method="lemke"; `quantecon`, Lemke's method of QuantEcon; `daqp`, its mode for
-variational inequalities, made for definite matrices. Each solves twice, unless the
-first takes a second, and the last time counts: the first may compile. `runtime` is
-processor time, so that other processes matter less. The last three keep dense matrices
-and are asked up to DENSE unknowns; a solver that has run into the limit LATES times at
-sizes up to n of a family is not asked for more of them. From DENSE unknowns on there
-are FEW seeds.
-
-The CSV grows seed by seed, so that one cut short has all families and sizes.
+families
+    All problems of `problems.general.families` have a solution. Solved means that the
+    solver says so and Res(z) <= 1e-9 max |q_i| on the data as given; namlcp, which has
+    an option for it, is asked for that. Solvers: `nam`, method="auto"; `lemke`,
+    method="lemke"; `quantecon`, Lemke's method of QuantEcon; `daqp`, its mode for
+    variational inequalities, made for definite matrices. Each solves twice, unless the
+    first takes a second, and the last time counts: the first may compile. `runtime` is
+    processor time, so that other processes matter less. The last three keep dense
+    matrices and are asked up to DENSE unknowns; a solver that has run into the limit
+    LATES times at sizes up to n of a family is not asked for more of them. From DENSE
+    unknowns on there are FEW seeds. The CSV grows seed by seed.
+steps
+    Discs that fall with friction for 300 steps: an LCP each, from the last one or not.
+    A row for every step: unknowns, method, Res over max |q_i|, processor time, energy
+    and deepest overlap. The scene: `namlcp.scenes.stepping`.
 """
 
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
+from itertools import product
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
+from namlcp.scenes.stepping import FallingDiscs
 from validation.harness import Job, Row, timing
 from validation.harness.suite import Args, Late, Suite
 from validation.problems.general import families
@@ -124,15 +129,52 @@ def complete(row: Row) -> Row:
     return {"said": row.get("status")} | row
 
 
-SUITE = Suite(
-    name="general-lcps",
-    doc=__doc__,
-    requests=requests,
-    work=work,
-    complete=complete,
-    columns="family n seed order solver success said residual runtime",
-    keys="family n seed solver",
-    solvers=tuple(ASK),
-    packages={"lemke": "namlcp", "quantecon": "quantecon"},
-    late=Late(by="n", same=("family",), copied=False, times=LATES, words=LATE),
-)
+# ---- time steps
+
+COUNTS, FEW_DISCS = (5, 10, 30, 60), (5, 10)
+STEPS = 300
+STARTS = ("last step", "nothing")
+
+
+def fall(job: Job, count: int, start: str) -> Row:
+    warm_up = FallingDiscs(FEW_DISCS[0])
+    for _ in range(STEPS):
+        warm_up.step()
+    job.ready()
+    discs = FallingDiscs(count, warm=start == "last step")
+    records = [discs.step()._asdict() for _ in range(STEPS)]
+    return {"rows": [r | {"status": r["status"].value} for r in records]}
+
+
+def falls(args: Args) -> Iterator[Row]:
+    for count, start in product(FEW_DISCS if args.quick else COUNTS, STARTS):
+        yield {"discs": count, "start": start}
+
+
+def conclude(rows: list[Row]) -> list[Row]:
+    steps = rows[0].get("rows", [{"status": rows[0].get("status")}])
+    return [rows[0] | {"step": k} | step for k, step in enumerate(steps)]
+
+
+SUITES = {
+    "families": Suite(
+        name="general-lcps",
+        requests=requests,
+        work=work,
+        complete=complete,
+        columns="family n seed order solver success said residual runtime",
+        keys="family n seed solver",
+        solvers=tuple(ASK),
+        packages={"lemke": "namlcp", "quantecon": "quantecon"},
+        late=Late(by="n", same=("family",), copied=False, times=LATES, words=LATE),
+    ),
+    "steps": Suite(
+        name="time-stepping",
+        requests=falls,
+        work=fall,
+        conclude=conclude,
+        columns="discs start step n status method residual seconds energy overlap",
+        keys="discs start",
+        limit=600.0,
+    ),
+}

@@ -9,6 +9,7 @@ the CSV file as soon as it is known; with --go-on a run leaves out what the file
 
 import argparse
 import math
+import sys
 from collections import defaultdict
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack
@@ -79,7 +80,6 @@ class Suite:
     """
 
     name: str  # of the CSV file
-    doc: str | None
     requests: Callable[[Args], Iterable[Row]]
     work: Work
     columns: str
@@ -123,7 +123,8 @@ class Suite:
         return tables.markdown((*parts, *tables.COMPARED), lines)
 
     def parsed(self, arguments: list[str] | None) -> Args:
-        parser = cli.parser(self.doc, "quick", "go-on", "csv", "figures")
+        doc = sys.modules[self.requests.__module__].__doc__
+        parser = cli.parser(doc, "quick", "go-on", "csv", "figures")
         tasks = ["run", "table", *["plot"] * bool(self.plot)]
         parser.add_argument("task", nargs="?", choices=tasks, default="run")
         parser.add_argument("--data", type=Path, help="the data folder")

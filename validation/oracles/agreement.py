@@ -145,7 +145,6 @@ def reason(row: Row, found: dict[str, Answer], residuals: dict[str, float]) -> s
 
 SUITE = Suite(
     name="oracles",
-    doc=__doc__,
     requests=requests,
     work=answered,
     conclude=conclude,

@@ -141,7 +141,6 @@ def requests(args: Args) -> Iterator[Row]:
 
 SUITE = Suite(
     name="parameters",
-    doc=__doc__,
     requests=requests,
     work=work,
     columns=(

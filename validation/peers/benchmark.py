@@ -26,9 +26,20 @@ changes
     The noise can make a problem infeasible: what is called so is asked of HiGHS (an LP
     without cost) and left out of the count if it agrees.
 
+infeasible
+    QPs without a solution, and some that only look so: what is said of them. The
+    problems and what is true of them: `infeasible_cases`. Every solver has, at the
+    case's eps, those of its settings that recognise most. What it says is recognised:
+    "infeasible", "unbounded" (either where both are true), solved within ten times eps,
+    or, of a problem that is not convex, anything but solved; misjudged: solved where
+    nothing can be, infeasible or unbounded where a solution exists (of an infeasible
+    problem: unbounded), or "solved" with larger residuals; else undecided. The time is
+    processor time. The campaign judges certificates.
+
 --only takes names of sets or problems.
 """
 
+import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import partial
@@ -145,9 +156,52 @@ def of_changes(args: Args) -> Iterator[Row]:
     return of_kinds(draw.CHANGES, data_sets.set_names(args.data, "all"), args)
 
 
+RIGHT = {
+    "infeasible": ("infeasible",),
+    "unbounded": ("unbounded",),
+    "both": ("infeasible", "unbounded"),
+    "feasible": ("solved",),
+    "not convex": ("undecided", "infeasible", "unbounded"),
+}
+WRONG = ("solved", "inaccurate", "infeasible", "unbounded")
+
+
+def said_of(job: Job, problem: Problem, eps: float) -> Row:
+    settings = qp_solvers.detecting_settings(job.solver, eps, job.limit)
+    row: Row = {"verdict": "undecided"}
+    job.ready()
+    try:
+        solution, row["cold"], row["runtime"] = timing.median_time(
+            lambda: qp_solvers.solve(problem, job.solver, **settings),
+            time.process_time,
+        )
+        row["verdict"], row["status"] = judging.verdict(problem, solution, eps)
+    except Exception as error:
+        unbounded = "unbounded below" in str(error)
+        row["verdict"] = "unbounded" if unbounded else "undecided"
+        return row | processes.raised(error)
+    return row
+
+
+def of_infeasible(args: Args) -> Iterator[Row]:
+    makers = infeasible_cases.all_cases(args.data, 40 if args.quick else 3)
+    found = {name: case for name, make in makers.items() if (case := make())}
+    for solver in args.solvers:
+        for name, case in found.items():
+            key = {"problem": name, "solver": solver, "eps": case.eps}
+            key |= {"group": case.group, "truth": case.truth}
+            key |= {"variables": case.problem.q.size}
+            yield key | {"ask": lambda case=case: (case.problem, case.eps)}
+
+
+def complete(row: Row) -> Row:
+    said = row.setdefault("verdict", "undecided")
+    word = "misjudged" if said in WRONG else "undecided"
+    return row | {"outcome": "recognised" if said in RIGHT[row["truth"]] else word}
+
+
 SUITE = Suite(
     name="benchmark",
-    doc=__doc__,
     requests=of_sets,
     work=measure,
     columns=COLUMNS,
@@ -191,5 +245,18 @@ SUITES = {
     "families": FAMILIES,
     "changes": replace(
         FAMILIES, name="generalisation", requests=of_changes, needs_data=True
+    ),
+    "infeasible": Suite(
+        name="infeasible",
+        requests=of_infeasible,
+        work=said_of,
+        complete=complete,
+        columns=(
+            "problem group truth solver eps variables outcome verdict runtime cold "
+            "status"
+        ),
+        keys="problem solver",
+        solvers=("nam", "osqp", "piqp", "clarabel"),
+        limit=5.0,
     ),
 }

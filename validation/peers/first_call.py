@@ -83,7 +83,6 @@ def work(_: Job, path: str) -> Row:
 
 SUITE = Suite(
     name="first-call",
-    doc=__doc__,
     requests=lambda args: ({"path": path} for path in PATHS),
     work=work,
     columns="path import solve",

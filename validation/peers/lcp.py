@@ -1,4 +1,4 @@
-"""LCPs: contact scenes beside PIQP, a million unknowns beside OSQP.
+"""LCPs: contact scenes beside PIQP, a million unknowns beside OSQP, and no matrix.
 
 contact
     `solve_lcp` at default settings and PIQP (through qpsolvers, 1e-9) on the contact
@@ -8,6 +8,9 @@ example1
     The five-point matrix + 4 I, n = 10^6, z* = (1, 2, 1, 2, ...), by method="auto" to
     Res < 1e-10 and by OSQP to 1e-8 with polishing: time, || min(z, Az + q) ||_2 and
     peak memory above what was there before, in units of the memory of A.
+hertz
+    Hertz contact without a matrix on growing grids, beside Hertz's formulas: errors of
+    radius, force and largest pressure.
 """
 
 import time
@@ -16,12 +19,14 @@ from collections.abc import Iterator
 import numpy as np
 import qpsolvers
 import scipy.sparse as sp
+from scipy.sparse.linalg import LinearOperator
 
 from validation.harness import Job, Row, judging, qp_solvers, timing
 from validation.harness.suite import Args, Suite
-from validation.problems import data_sets, sweep_scenes
+from validation.problems import data_sets, hertz, sweep_scenes
 
 REPEATS = {"nam": 5, "osqp": 1}  # of Example 1
+CELLS = (64, 128, 256, 512, 1024)  # along a side of Hertz's grid
 
 
 def solved(job: Job, A: sp.csr_array, q: np.ndarray, **given: float) -> np.ndarray:
@@ -75,10 +80,31 @@ def example1(job: Job, side: int) -> Row:
     }
 
 
+def without_matrix(_: Job, cells: int) -> Row:
+    import namlcp
+
+    problem, products = hertz.hertz(cells), 0
+
+    def product(p: np.ndarray) -> np.ndarray:
+        nonlocal products
+        products += 1
+        return problem.A.matvec(p)
+
+    A = LinearOperator(problem.A.shape, matvec=product, dtype=np.float64)
+    start = time.perf_counter()
+    result = namlcp.solve_lcp(A, problem.q, diagonal=problem.diagonal)
+    row = {"seconds": time.perf_counter() - start, "status": result.status.value}
+    row |= {"products": products, "residual": result.residual}
+    return row | hertz.measured(problem, result.z)
+
+
+def grids(args: Args) -> Iterator[Row]:
+    yield from ({"cells": cells} for cells in CELLS[: 2 if args.quick else None])
+
+
 SUITES = {
     "contact": Suite(
         name="contact",
-        doc=__doc__,
         requests=contacts,
         work=contact,
         columns="scene n solver runtime relative_residual",
@@ -88,12 +114,21 @@ SUITES = {
     ),
     "example1": Suite(
         name="example1",
-        doc=__doc__,
         requests=lambda args: [{"ask": lambda: (100 if args.quick else 1000,)}],
         work=example1,
         columns="solver runtime residual memory",
         keys="solver",
         solvers=tuple(REPEATS),
         limit=600.0,
+    ),
+    "hertz": Suite(
+        name="hertz",
+        requests=grids,
+        work=without_matrix,
+        columns=(
+            "cells status products seconds residual radius_error force_error "
+            "pressure_error"
+        ),
+        keys="cells",
     ),
 }

@@ -262,7 +262,6 @@ def draw_family(axes: Axes, rows: list[Row], coloured: list[str]) -> None:
 
 SUITE = Suite(
     name="work-precision-problems",
-    doc=__doc__,
     requests=requests,
     work=measure,
     complete=complete,

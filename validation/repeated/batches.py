@@ -93,7 +93,6 @@ def requests(args: Args) -> Iterator[Row]:
 
 SUITE = Suite(
     name="batches",
-    doc=__doc__,
     requests=requests,
     work=measured,
     columns=("n m items threads solver microseconds throughput solved residual status"),

@@ -105,7 +105,6 @@ def plot(results: Path, figures: Path) -> None:
 
 SUITE = Suite(
     name="latency",
-    doc=__doc__,
     requests=requests,
     work=measured,
     columns="n m solver eps microseconds solved problems residual status",

@@ -129,7 +129,6 @@ def requests(args: Args) -> Iterator[Row]:
 
 SUITE = Suite(
     name="sequences",
-    doc=__doc__,
     requests=requests,
     work=replayed,
     about=described,
