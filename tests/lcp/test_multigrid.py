@@ -8,7 +8,7 @@ from scipy import sparse
 from namlcp import Prepared, Status, solve_lcp
 from namlcp.lcp.multigrid.vcycle import VCycle
 from namlcp.scenes import forced_obstacle
-from validation.problems import large_scenes
+from validation.problems import known_scenes
 
 INF = np.inf
 EPS = 1e-9
@@ -158,7 +158,7 @@ def test_transport_takes_few_cycles(monkeypatch):
         return solve(cycle, k, b, x)
 
     monkeypatch.setattr(VCycle, "solve", counted)
-    A, *vectors = large_scenes.transport(100)
+    A, *vectors = known_scenes.transport(100)
     matrix = Prepared(A)
     solve_lcp(matrix, *vectors, method="multigrid", eps_abs=EPS)
     begun.clear()

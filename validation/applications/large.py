@@ -45,7 +45,6 @@ from validation.problems import (
     contact_scenes,
     hertz,
     known_scenes,
-    large_scenes,
     sweep_scenes,
 )
 
@@ -67,13 +66,13 @@ CYCLES = 200  # of the baseline at most
 
 def strongly_dominant(n: int) -> known_scenes.BoxLCP:
     """Return Example 2 at delta = 4 with half of the unknowns in contact."""
-    scene = sweep_scenes.paper_example(2, large_scenes.side(n))
+    scene = sweep_scenes.paper_example(2, known_scenes.side(n))
     return known_scenes.BoxLCP(*sweep_scenes.with_contact(scene)[1:5])
 
 
 def hertz_contact(n: int) -> known_scenes.BoxLCP:
     """Return a sphere on a half-space; A is a LinearOperator, a product by the FFT."""
-    made = hertz.hertz(large_scenes.side(n))
+    made = hertz.hertz(known_scenes.side(n))
     return known_scenes.nonnegative(made.A, made.q)
 
 
@@ -92,9 +91,9 @@ class Entry(NamedTuple):
 
 PLAIN = [*"ball torsion biactive rough anisotropic 3-D".split(), "mesh, jumps"]
 SCENES = {
-    "forced": Entry(large_scenes.FAMILIES["forced"], FORCED_SIZES),
-    **{name: Entry(large_scenes.FAMILIES[name]) for name in PLAIN},
-    "transport": Entry(large_scenes.FAMILIES["transport"], accel="bicgstab"),
+    "forced": Entry(known_scenes.FAMILIES["forced"], FORCED_SIZES),
+    **{name: Entry(known_scenes.FAMILIES[name]) for name in PLAIN},
+    "transport": Entry(known_scenes.FAMILIES["transport"], accel="bicgstab"),
     "dominant": Entry(strongly_dominant, accel="bicgstab"),
     "heap": Entry(contact_scenes.heap, PILE_SIZES, None, True),
     "heap, wide": Entry(

@@ -19,7 +19,6 @@ from validation.problems import (
     contact_scenes,
     data_sets,
     hertz,
-    large_scenes,
     sweep_scenes,
 )
 from validation.problems import known_scenes as known
@@ -194,7 +193,7 @@ SCENES: dict[str, Scene] = {
     "portfolio 200": Scene(lambda: known.portfolio(200)),
     **{
         f"family: {name}": Scene(partial(make, 900), quick=name in QUICK_FAMILIES)
-        for name, make in large_scenes.FAMILIES.items()
+        for name, make in known.FAMILIES.items()
     },
 }
 """Every scene that needs no data."""

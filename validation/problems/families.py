@@ -18,7 +18,6 @@ from qpsolvers import Problem
 from namlcp.scenes import disc_pile, preview_control
 from validation.problems import data_sets, draw, osqp_classes, sequences
 from validation.problems import known_scenes as known
-from validation.problems import large_scenes as large
 from validation.problems.contact_scenes import brick_wall, heap
 from validation.problems.sweep_scenes import paper_example
 
@@ -125,9 +124,9 @@ def families(data: Path | None) -> dict[str, Family]:
             "ball": lambda: boxed(known.ball_obstacle(52)),
             "torsion": lambda: boxed(known.torsion(50, 50)),
             "journal bearing": lambda: boxed(known.journal_bearing(50, 50, 0.99)),
-            "rough": lambda: boxed(large.rough_obstacle(50)),
-            "anisotropic": lambda: boxed(large.anisotropic(100)),
-            "half biactive": lambda: boxed(*large.biactive(50)),
+            "rough": lambda: boxed(known.rough_obstacle(50)),
+            "anisotropic": lambda: boxed(known.anisotropic(100)),
+            "half biactive": lambda: boxed(*known.biactive(50)),
         }),
         "contact": Family(False, {
             "wall, small": lambda: boxed(brick_wall(100)),

@@ -14,17 +14,6 @@ import numpy as np
 
 from validation.harness import MissingDataError
 
-KNOWN: dict[str, tuple[list[list[float]], list[list[float]], tuple[float, ...]]] = {
-    "prisoner's dilemma": ([[3, 0], [5, 1]], [[3, 5], [0, 1]], (0, 1, 0, 1)),
-    "matching pennies": ([[1, -1], [-1, 1]], [[-1, 1], [1, -1]], (0.5, 0.5, 0.5, 0.5)),
-    "rock, paper, scissors": (
-        [[0, -1, 1], [1, 0, -1], [-1, 1, 0]],
-        [[0, 1, -1], [-1, 0, 1], [1, -1, 0]],
-        (1 / 3, 1 / 3, 1 / 3, 1 / 3, 1 / 3, 1 / 3),
-    ),
-}
-"""Payoffs of both players, and the only equilibrium."""
-
 
 def costs(R: np.ndarray, C: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return R.max() - R + 1.0, C.max() - C + 1.0
@@ -35,19 +24,6 @@ def lcp(R: np.ndarray, C: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     p, r = R.shape
     A = np.block([[np.zeros((p, p)), R], [C.T, np.zeros((r, r))]])
     return A, np.full(p + r, -1.0)
-
-
-def strategies(z: np.ndarray, p: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return x and y of a solution z; the first player has p rows."""
-    return z[:p] / z[:p].sum(), z[p:] / z[p:].sum()
-
-
-def regret(R: np.ndarray, C: np.ndarray, x: np.ndarray, y: np.ndarray) -> float:
-    """Return what a player gains at most by a change of mind: 0 at an equilibrium."""
-    R, C = np.asarray(R), np.asarray(C)
-    first = (R @ y).max() - x @ R @ y
-    second = (x @ C).max() - x @ C @ y
-    return float(max(first, second))
 
 
 def payoffs(

@@ -52,26 +52,37 @@ def moved(
     return Bodies(centre, mass, mass[:, None] * shape, velocity)
 
 
+def lattice(
+    place: list[tuple[int, ...]],
+    centre: np.ndarray,
+    steps: Sequence[tuple[int, ...]],
+    up: np.ndarray,
+) -> Iterator[Touch]:
+    """Yield the contacts of unit discs or balls, on the floor and `steps` away.
+
+    The last number of a place is its row.
+    """
+    index = {at: k for k, at in enumerate(place)}
+    for at, k in index.items():
+        if at[-1] == 0:
+            yield -1, k, centre[k] - up, up
+        for step in steps:
+            other = index.get(tuple(a + b for a, b in zip(at, step, strict=True)))
+            if other is not None:
+                line = (centre[k] - centre[other]) / 2.0
+                yield other, k, centre[k] - line, line
+
+
 def pile_of_discs(rows: int, mu: float, ratio: float = 2.0, seed: int = 0) -> Scene:
     """Return unit discs in rows of decreasing length on a floor, from a lattice.
 
     Each touches its neighbours in its row, and two discs below.
     """
     place = [(i, r) for r in range(rows) for i in range(rows - r)]
-    index = {at: k for k, at in enumerate(place)}
     centre = np.array([(2.0 * i + r, 1.0 + np.sqrt(3.0) * r, 0.0) for i, r in place])
-
-    def touches() -> Iterator[Touch]:
-        for (i, r), k in index.items():
-            if r == 0:
-                yield -1, k, centre[k] + BELOW, -BELOW
-            for other in ((i - 1, r), (i, r - 1), (i + 1, r - 1)):
-                if other in index:
-                    line = (centre[k] - centre[index[other]]) / 2.0
-                    yield index[other], k, centre[k] - line, line
-
+    touches = lattice(place, centre, ((-1, 0), (0, -1), (1, -1)), -BELOW)
     bodies = moved(centre, np.full((len(place), 3), 0.5), ratio, seed, BELOW)
-    return scene_of(bodies, touches(), mu)
+    return scene_of(bodies, touches, mu)
 
 
 def wall_of_bricks(rows: int, mu: float, ratio: float = 2.0, seed: int = 0) -> Scene:
@@ -118,32 +129,16 @@ def pile_of_balls(
     layers: int, mu: float, directions: int = 4, ratio: float = 2.0, seed: int = 0
 ) -> Scene:
     """Return unit balls in a square pyramid; each lies on four, or on the floor."""
-    place = [
-        (i, j, r)
-        for r in range(layers)
-        for i in range(layers - r)
-        for j in range(layers - r)
-    ]
-    index = {at: k for k, at in enumerate(place)}
+    sides = ((r, range(layers - r)) for r in range(layers))
+    place = [(i, j, r) for r, side in sides for i in side for j in side]
     up = np.array([0.0, 0.0, 1.0])
     centre = np.array(
         [(2.0 * i + r, 2.0 * j + r, 1.0 + np.sqrt(2.0) * r) for i, j, r in place]
     )
-
-    def touches() -> Iterator[Touch]:
-        for (i, j, r), k in index.items():
-            if r == 0:
-                yield -1, k, centre[k] - up, up
-            steps = [(-1, 0, 0), (0, -1, 0)]
-            steps += [(a, b, -1) for a in (0, 1) for b in (0, 1)]
-            for a, b, c in steps:
-                other = index.get((i + a, j + b, r + c))
-                if other is not None:
-                    line = (centre[k] - centre[other]) / 2.0
-                    yield other, k, centre[k] - line, line
-
+    below = [(a, b, -1) for a in (0, 1) for b in (0, 1)]
+    touches = lattice(place, centre, [(-1, 0, 0), (0, -1, 0), *below], up)
     bodies = moved(centre, np.full((len(place), 3), 0.4), ratio, seed, -up)
-    return scene_of(bodies, touches(), mu, directions)
+    return scene_of(bodies, touches, mu, directions)
 
 
 def column_of_cubes(
