@@ -198,19 +198,18 @@ def peer_row(job: Job, name: str, n: int) -> Row:
         return qpsolvers.solve_problem(problem, solver=job.solver, **settings)
 
     scene = SCENES[name].make(n)
-    row: Row = {"n": scene.q.size, "nnz": scene.A.nnz, "method": job.solver}
     solve(SCENES[name].make(100))
-    job.ready()
-    answer, cold, runtime = timing.median_time(lambda: solve(scene))
-    if not answer.found or answer.x is None:
-        return row | processes.failure("not found")
-    row |= {"residual": residual_of(scene, answer.x)}
-    row |= {"seconds": runtime, "status": "solved"}
-    if cold > job.limit:
-        row["status"] = "too slow"
-    elif not row["residual"] <= PEER_EPS * np.sqrt(row["n"]):
-        row["status"] = "inaccurate"
-    return row
+
+    def judge(answer: qpsolvers.Solution) -> Row:
+        if not answer.found or answer.x is None:
+            return processes.failure("not found")
+        residual = residual_of(scene, answer.x)
+        good = residual <= PEER_EPS * np.sqrt(scene.q.size)
+        return {"residual": residual, "status": "solved" if good else "inaccurate"}
+
+    row = judging.timed(job, lambda: solve(scene), judge)
+    about = {"n": scene.q.size, "nnz": scene.A.nnz, "method": job.solver}
+    return about | row | {"seconds": row.get("runtime")}
 
 
 def requests(args: Args) -> Iterator[Row]:

@@ -1,12 +1,16 @@
 """Is an answer right? Residuals and signs, recomputed from the point."""
 
+import time
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 from qpsolvers import Problem, Solution
 
-from validation.harness.processes import failure
+from validation.harness import timing
+from validation.harness.csv_files import Row
+from validation.harness.processes import Job, failure, raised
 from validation.harness.qps import parts
 
 RESIDUALS = ["primal_residual", "dual_residual", "duality_gap", "sign_violation"]
@@ -57,6 +61,26 @@ def judge(problem: Problem, solution: Solution, eps: float) -> dict[str, Any]:
     row["success"] = all(error <= eps for error in errors)
     row["status"] = "solved" if row["success"] else "inaccurate"
     return row
+
+
+def timed(
+    job: Job,
+    call: Callable[[], Any],
+    judge: Callable[[Any], Row],
+    clock: Callable[[], float] = time.perf_counter,
+) -> Row:
+    """Time a call and judge its first answer: the work of a child.
+
+    An error is a row as well, and so is what took longer than the limit.
+    """
+    job.ready()
+    try:
+        answer, cold, runtime = timing.median_time(call, clock)
+        row = judge(answer)
+    except Exception as error:
+        return raised(error)
+    late = failure("too slow") if cold > job.limit else {}
+    return row | late | {"runtime": runtime, "cold": cold}
 
 
 def filled(part: Any, size: int) -> np.ndarray:

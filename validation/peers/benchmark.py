@@ -47,9 +47,9 @@ from itertools import product
 from pathlib import Path
 
 import numpy as np
-from qpsolvers import Problem
+from qpsolvers import Problem, Solution
 
-from validation.harness import Job, Row, judging, processes, qp_solvers, qps, timing
+from validation.harness import Job, Row, judging, qp_solvers, qps
 from validation.harness.suite import Args, Late, Suite
 from validation.problems import data_sets, draw, infeasible_cases, osqp_classes
 
@@ -80,17 +80,11 @@ def measure(
             qp_solvers.solve(tiny, job.solver, **settings)
         except Exception:  # what the solver refuses cannot warm it up
             continue
-    job.ready()
-    try:
-        solution, cold, runtime = timing.median_time(
-            lambda: qp_solvers.solve(problem, job.solver, **settings)
-        )
-        row = judging.judge(problem, solution, eps)
-    except Exception as error:
-        return processes.raised(error)
-    if cold > job.limit:
-        row |= processes.failure("too slow")
-    return row | {"runtime": runtime, "cold": cold}
+    return judging.timed(
+        job,
+        lambda: qp_solvers.solve(problem, job.solver, **settings),
+        lambda solution: judging.judge(problem, solution, eps),
+    )
 
 
 def load_class(_: Path, name: str, size: str) -> Problem:
@@ -168,18 +162,15 @@ WRONG = ("solved", "inaccurate", "infeasible", "unbounded")
 
 def said_of(job: Job, problem: Problem, eps: float) -> Row:
     settings = qp_solvers.detecting_settings(job.solver, eps, job.limit)
-    row: Row = {"verdict": "undecided"}
-    job.ready()
-    try:
-        solution, row["cold"], row["runtime"] = timing.median_time(
-            lambda: qp_solvers.solve(problem, job.solver, **settings),
-            time.process_time,
-        )
-        row["verdict"], row["status"] = judging.verdict(problem, solution, eps)
-    except Exception as error:
-        unbounded = "unbounded below" in str(error)
-        row["verdict"] = "unbounded" if unbounded else "undecided"
-        return row | processes.raised(error)
+
+    def judge(found: Solution) -> Row:
+        verdict, said = judging.verdict(problem, found, eps)
+        return {"verdict": verdict, "status": said}
+
+    call = lambda: qp_solvers.solve(problem, job.solver, **settings)  # noqa: E731
+    row = judging.timed(job, call, judge, time.process_time)
+    if "unbounded below" in row["status"]:  # an error of OSQP or PIQP
+        row["verdict"] = "unbounded"
     return row
 
 

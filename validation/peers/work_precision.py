@@ -16,7 +16,7 @@ problems of the data folder are left out.
 
 import math
 from collections.abc import Callable, Iterator
-from functools import cache, lru_cache
+from functools import cache, lru_cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -39,7 +39,6 @@ from validation.harness import (
     qp_solvers,
     qps,
     tables,
-    timing,
 )
 from validation.harness.suite import Args, Late, Suite
 from validation.peers.references import distance, reference
@@ -82,22 +81,22 @@ def solver_call(
     return lambda: qp_solvers.solve(problem, solver, **settings)
 
 
-def judged(
-    task: families.Task, answer: Any, eps: float
-) -> tuple[np.ndarray | None, Row]:
+def judged(task: families.Task, answer: Any, eps: float) -> Row:
     """Return the point and its residual, whatever the solver says of it."""
     if isinstance(answer, Solution):
         found = Solution(task.problem, found=True, x=answer.x)
         if answer.x is None or not np.all(np.isfinite(answer.x)):
-            return None, judging.judge(task.problem, answer, eps)
+            return judging.judge(task.problem, answer, eps)
         found.y, found.z, found.z_box = answer.y, answer.z, answer.z_box
         row = judging.judge(task.problem, found, eps)
         worst = max(np.nan_to_num(row[name], nan=np.inf) for name in judging.RESIDUALS)
-        return answer.x, {"residual": float(worst), "status": row["status"]}
+        found_row = {"residual": float(worst), "status": row["status"]}
+        return found_row | {"point": answer.x}
     problem = task.problem
     w = problem.P @ answer.z + problem.q
     residual = natural_residual(answer.z, w, problem.lb, problem.ub)
-    return answer.z, {"residual": residual, "status": answer.status.value}
+    status = answer.status.value
+    return {"residual": residual, "status": status, "point": answer.z}
 
 
 @cache
@@ -124,16 +123,8 @@ def measure(job: Job, family: str, name: str, eps: float) -> Row:
             solver_call(other, job.solver, eps, job.limit)()
         except Exception:  # what the solver refuses cannot warm it up
             continue
-    job.ready()
-    try:
-        call = solver_call(task, job.solver, eps, job.limit)
-        answer, cold, runtime = timing.median_time(call)
-        point, row = judged(task, answer, eps)
-    except Exception as error:
-        return {"n": n} | processes.raised(error)
-    if cold > job.limit:
-        row["status"] = "too slow"
-    return row | {"n": n, "runtime": runtime, "point": point}
+    call = solver_call(task, job.solver, eps, job.limit)
+    return {"n": n} | judging.timed(job, call, partial(judged, task, eps=eps))
 
 
 @lru_cache(maxsize=1)
