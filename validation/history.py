@@ -18,7 +18,7 @@ from validation.general import benchmark as general
 from validation.harness import Bench, Job, cli, csv_files, machine, quiet, timing
 from validation.peers import benchmark
 from validation.problems import data_sets, osqp_classes
-from validation.repeated import batches, latency, sequences
+from validation.repeated import dense, sequences
 
 LIMIT = 900.0  # [s] for all of them
 FILE = cli.RESULTS / "history.csv"
@@ -45,8 +45,8 @@ def figures(job: Job) -> Iterator[Figure]:
     rows = [ask(name, str(found.sizes[1])) for name, found in classes]
     yield from of_problems("classes of 10^4 entries", rows)
     for n in (5, 20, 100, 300):
-        yield f"one QP of {n}, us", latency.measured(job, n, 1e-6)["microseconds"]
-    row = batches.measured(job, 10, 20, 10_000, 1)
+        yield f"one QP of {n}, us", dense.latency(job, n, 1e-6)["microseconds"]
+    row = dense.batch(job, 10, 20, 10_000, 1)
     yield "QP of 10 in a batch, us", row["microseconds"]
     for scene, size in STEPS:
         made = sequences.recorded(scene, size, "moves a little", 60)

@@ -1,0 +1,189 @@
+"""Dense QPs around a planted solution, one by one and in batches.
+
+latency
+    A single QP, n = 2 to 1000 variables and 2n rows: the median time of a call of
+    qpsolvers.solve_problem, the least of ROUNDS medians (the first if it is above LONG
+    seconds), each over PROBLEMS problems of a size (one where a call takes a second).
+    What ran into the limit is not tried at a larger size.
+batches
+    Batches of QPs of 10 variables and 20 rows, all different: microseconds an item.
+    "nam" is `namlcp.solve_batch`, with 1 thread and with 2; "daqp" is a loop over
+    daqp.solve. The time is that of the whole batch, the least of ROUNDS; with two
+    threads it means something only where two cores are free. `residual` is the largest
+    of all items: primal, dual, gap or a negative multiplier.
+"""
+
+import statistics
+import time
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import qpsolvers
+from matplotlib import pyplot as plt
+from qpsolvers import Problem
+
+import namlcp
+from validation.harness import (
+    Job,
+    Row,
+    charts,
+    csv_files,
+    judging,
+    qp_solvers,
+    tables,
+    timing,
+)
+from validation.harness.suite import Args, Late, Suite
+from validation.problems import draw
+
+SIZES, QUICK_SIZES = (2, 5, 10, 20, 50, 100, 200, 300, 500, 1000), (2, 10)
+ROUNDS, PROBLEMS = 3, 3
+LONG = 0.1  # [s] a call, which then has one round
+SHAPE = 10, 20  # variables and rows of an item
+BATCHES, QUICK_BATCHES = (100, 1000, 10_000, 100_000), (50,)
+ASKED = (("nam", 1), ("nam", 2), ("daqp", 1))  # solvers of batches, and threads
+EPS = 1e-9  # of daqp in batches
+
+
+def latency(job: Job, n: int, eps: float) -> Row:
+    settings = qp_solvers.settings(job.solver, eps, job.limit)
+    ask = partial(qpsolvers.solve_problem, solver=job.solver, **settings)
+    rng = np.random.default_rng(n)
+    stack = draw.definite_stack(rng, n, 2 * n, PROBLEMS)
+    ask(Problem(*(part[0] for part in draw.definite_stack(rng, 2, 4, 1))))
+    job.ready()
+    medians, judged = [], []
+    for parts in zip(*stack, strict=True):
+        best, problem = np.inf, Problem(*parts)
+        for _ in range(ROUNDS):
+            solution, _, median = timing.median_time(partial(ask, problem))
+            best = min(best, median)
+            if best > LONG:
+                break
+        medians.append(best)
+        judged.append(judging.judge(problem, solution, eps))
+        if best > timing.SLOW:
+            break
+    residuals = (row.get(name, np.inf) for row in judged for name in judging.RESIDUALS)
+    failed = [row["status"] for row in judged if not row["success"]]
+    return {
+        "microseconds": 1e6 * statistics.median(medians),
+        "solved": len(judged) - len(failed),
+        "problems": len(judged),
+        "residual": max(residuals),
+        "status": failed[0] if failed else "solved",
+    }
+
+
+def of_sizes(args: Args) -> Iterator[Row]:
+    for n in QUICK_SIZES if args.quick else SIZES:
+        yield {"n": n, "eps": args.eps[0]}
+
+
+SCENE, LEVEL = "sparse MPC, definite", "moves a little"
+DRAWN = ("nam", "daqp", "quadprog", "piqp", "proxqp", "clarabel", "osqp")
+"""Those that are drawn, where they were measured; other ways to call us are not."""
+
+
+def plot(results: Path, figures: Path) -> None:
+    steps = csv_files.read(results.parent / "sequences.csv")
+    steps = tables.chosen(steps, scene=SCENE, level=LEVEL)
+    figure, panels = plt.subplots(
+        1, 2, figsize=(charts.WIDTH, 3.6), width_ratios=(1.5, 1.0), layout="constrained"
+    )
+    for axes, rows, across, title, below in (
+        (panels[0], csv_files.read(results), "n",
+         "One dense QP, n variables and 2n rows", "n"),
+        (panels[1], steps, "variables", "One step of model predictive control",
+         "variables (sparse QP, same matrices)"),
+    ):  # fmt: skip
+        rows = [row for row in rows if row["solver"] in DRAWN]
+        drawn = charts.lines(
+            axes, rows, "solver", across, "microseconds", charts.looks, 1e-6
+        )
+        sizes = tables.distinct(rows, across)
+        axes.set_xticks([float(size) for size in sizes], sizes)
+        axes.minorticks_off()
+        axes.set(title=title, xlabel=below, ylabel="time [s]")
+        charts.name_lines(axes, drawn)
+    charts.save(figure, figures / "front-repeated.svg")
+
+
+# ---- batches
+
+Stack = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+Answers = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""x and z, stacked, and whether each was found."""
+
+
+def solved(solver: str, stack: Stack, threads: int) -> Answers:
+    if solver == "nam":
+        r = namlcp.solve_batch(*stack, threads=threads)
+        return r.x, r.z, r.codes == list(namlcp.Status).index(namlcp.Status.SOLVED)
+    import daqp
+
+    lower = np.full(stack[3].shape[1], -1e30)
+    sense = np.zeros(lower.size, dtype=np.int32)
+    given = {"primal_tol": EPS, "dual_tol": EPS}
+    items = zip(*stack, strict=True)
+    answers = [daqp.solve(*item, lower, sense, **given) for item in items]
+    x, z = np.array([a[0] for a in answers]), np.array([a[3]["lam"] for a in answers])
+    return x, z, np.array([flag > 0 for _, _, flag, _ in answers])
+
+
+def worst_residual(stack: Stack, x: np.ndarray, z: np.ndarray) -> float:
+    P, q, G, h = stack
+    Px, Gx = (np.einsum("kij,kj->ki", M, x) for M in (P, G))
+    dual = Px + q + np.einsum("kij,ki->kj", G, z)
+    gap = np.einsum("ki,ki->k", Px + q, x) + np.einsum("ki,ki->k", h, z)
+    return float(max(np.abs(dual).max(), (Gx - h).max(), np.abs(gap).max(), -z.min()))
+
+
+def batch(job: Job, n: int, m: int, items: int, threads: int) -> Row:
+    rng = np.random.default_rng(n)
+    solved(job.solver, draw.definite_stack(rng, n, m, 2), threads)
+    stack = draw.definite_stack(rng, n, m, items)
+    job.ready()
+    seconds = np.inf
+    for _ in range(ROUNDS):
+        start = time.perf_counter()
+        x, z, found = solved(job.solver, stack, threads)
+        seconds = min(seconds, time.perf_counter() - start)
+    row = {"microseconds": 1e6 * seconds / items, "throughput": items / seconds}
+    row["residual"] = worst_residual(stack, x, z)
+    return row | {"solved": int(found.sum())}
+
+
+def of_batches(args: Args) -> Iterator[Row]:
+    n, m = SHAPE
+    for items in QUICK_BATCHES if args.quick else BATCHES:
+        key = {"n": n, "m": m, "items": items}
+        for solver, threads in ASKED:
+            yield key | {"threads": threads, "solver": solver}
+
+
+SUITES = {
+    "latency": Suite(
+        name="latency",
+        requests=of_sizes,
+        work=latency,
+        columns="n solver eps microseconds solved problems residual status",
+        keys="n solver eps",
+        solvers=tuple("nam piqp daqp proxqp clarabel osqp quadprog".split()),
+        tolerances=(1e-6,),
+        limit=20.0,
+        late=Late(by="n", same=(), copied=False),
+        plot=plot,
+    ),
+    "batches": Suite(
+        name="batches",
+        requests=of_batches,
+        work=batch,
+        columns="n m items threads solver microseconds throughput solved residual",
+        keys="n m items threads solver",
+        solvers=("nam", "daqp"),
+        limit=120.0,
+    ),
+}
