@@ -44,8 +44,6 @@ SOLVERS = {
     "proxqp": (YELLOW, "D"),
     "daqp": (RED, "P"),
     "quadprog": (BLACK, "<"),
-    "scs": (GREY, ">"),
-    "highs": (ORANGE, "h"),
     "qtqp": (TEAL, "p"),
 }
 """Colour and marker of every solver."""

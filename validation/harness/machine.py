@@ -13,7 +13,7 @@ import qpsolvers
 
 from validation.harness import quiet
 
-PACKAGES = {"nam": "namlcp", "proxqp": "proxsuite", "highs": "highspy"}
+PACKAGES = {"nam": "namlcp", "proxqp": "proxsuite"}
 THREADS = ("OMP", "OPENBLAS", "MKL", "NUMEXPR", "RAYON")
 """Libraries whose threads an environment variable limits."""
 

@@ -8,10 +8,8 @@ each solver has those with which it solves most; a comment says where that matte
 from typing import Any
 
 import qpsolvers
-import scipy.sparse as sp
 from qpsolvers import Problem, Solution
 
-from validation.harness.conic import stacked, unstacked
 from validation.harness.qps import sparse
 
 
@@ -47,13 +45,6 @@ def settings(solver: str, eps: float, limit: float) -> dict[str, Any]:
             "max_iter": 1_000_000_000,
             "time_limit": limit,
         },
-        "scs": both | {"max_iters": 1_000_000_000, "time_limit_secs": limit},
-        "highs": {
-            "primal_feasibility_tolerance": eps,
-            "dual_feasibility_tolerance": eps,
-            "qp_regularization_value": 0.0,  # 1e-7 leaves residuals of 1e-5
-            "time_limit": limit,
-        },
         "quadprog": {},
         "qtqp": {"tol_feas": eps, "tol_gap_abs": eps, "tol_gap_rel": 0.0},
     }
@@ -61,25 +52,9 @@ def settings(solver: str, eps: float, limit: float) -> dict[str, Any]:
 
 
 def solve(problem: Problem, solver: str, **settings: Any) -> Solution:
-    """Return what a solver answers, HiGHS's to bounds alone given to it as rows.
-
-    As bounds HiGHS 1.15 calls x = 0 optimal on contact problems where it is not.
-    """
     if solver == "qtqp":  # warns of every matrix that it has to convert
         problem = sparse(problem)
-    alone = problem.h is None and problem.b is None
-    bounded = problem.lb is not None or problem.ub is not None
-    if solver != "highs" or not (alone and bounded):
-        return qpsolvers.solve_problem(problem, solver=solver, **settings)
-    G, h, _ = stacked(problem)
-    form = sp.csc_matrix if sp.issparse(problem.P) else lambda G: G.toarray()
-    rows = Problem(problem.P, problem.q, form(G), h)
-    found = qpsolvers.solve_problem(rows, solver=solver, **settings)
-    if found.z is None:
-        return Solution(problem, extras=found.extras, found=found.found, x=found.x)
-    answer = unstacked(problem, found.x, found.z, found.found)
-    answer.extras = found.extras
-    return answer
+    return qpsolvers.solve_problem(problem, solver=solver, **settings)
 
 
 DETECTION: dict[str, dict[str, Any]] = {

@@ -227,7 +227,7 @@ SUITES = {
         work=partial(measure, load=load_class),
         about=about_class,
         columns=f"{COLUMNS} variables entries",
-        solvers=tuple("nam piqp clarabel osqp proxqp highs qtqp".split()),
+        solvers=tuple("nam piqp clarabel osqp proxqp qtqp".split()),
         tolerances=(1e-6,),
         late=Late(by="problem", same=("set",)),
         beside=True,

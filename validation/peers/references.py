@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from qpsolvers import Problem, Solution
 from scipy.sparse.linalg import splu
 
-from validation.harness import conic
+from validation.harness import qps
 
 WIDE = np.longdouble
 STEPS = 30
@@ -40,6 +40,18 @@ def strictly_convex(P: Any) -> bool:
     return bool(factors.U.diagonal().min() > STRICT)
 
 
+def stacked(problem: Problem) -> tuple[sp.csr_array, np.ndarray, int]:
+    """Return C, d and p: equalities C x = d in the first p rows, C x <= d below.
+
+    The order is A, G, then the finite upper and lower bounds.
+    """
+    _, q, G, h, A, b, lb, ub = qps.parts(problem)
+    eye = sp.csr_array(sp.eye_array(q.size, format="csr"))
+    up, low = np.isfinite(ub), np.isfinite(lb)
+    C = sp.vstack([sp.csr_array(A), sp.csr_array(G), eye[up], -eye[low]])
+    return sp.csr_array(C), np.concatenate([b, h, ub[up], -lb[low]]), b.size
+
+
 def multipliers(problem: Problem, solution: Solution) -> np.ndarray:
     parts = [np.zeros(0)]
     parts += [solution.y] if problem.A is not None else []
@@ -57,7 +69,7 @@ def reference(problem: Problem, solution: Solution) -> np.ndarray | None:
     """
     if solution.x is None or not strictly_convex(problem.P):
         return None
-    C, d, p = conic.stacked(problem)
+    C, d, p = stacked(problem)
     slack = d - C @ solution.x
     active = multipliers(problem, solution) > slack
     active[:p] = True
