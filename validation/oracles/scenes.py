@@ -189,8 +189,6 @@ SCENES: dict[str, Scene] = {
             Known("at a bound", at_bounds, 69),
         ),
     ),
-    "NNLS 400 x 100": Scene(lambda: known.nonnegative_least_squares(400, 100)[0]),
-    "portfolio 200": Scene(lambda: known.portfolio(200)),
     **{
         f"family: {name}": Scene(partial(make, 900), quick=name in QUICK_FAMILIES)
         for name, make in known.FAMILIES.items()

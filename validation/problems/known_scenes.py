@@ -246,34 +246,6 @@ def svm_l2(X: np.ndarray, y: np.ndarray, C: float = 1.0) -> BoxLCP:
     return nonnegative(Xy @ Xy.T + np.eye(y.size) / (2.0 * C), -np.ones_like(y))
 
 
-def nonnegative_least_squares(
-    rows: int, n: int, seed: int = 0
-) -> tuple[BoxLCP, np.ndarray, np.ndarray]:
-    """Return the LCP of min |B x - b|, x >= 0, then B and b: A = B'B, q = -B'b.
-
-    B is normal, so that B'B is well conditioned for rows >= 2 n; scipy.optimize.nnls
-    on B and b is the oracle.
-    """
-    rng = np.random.default_rng(seed)
-    B = rng.standard_normal((rows, n))
-    x = np.maximum(rng.standard_normal(n), 0.0)
-    b = B @ x + 0.5 * rng.standard_normal(rows)
-    return nonnegative(B.T @ B, -(B.T @ b)), B, b
-
-
-def portfolio(n: int, factors: int | None = None, seed: int = 0) -> BoxLCP:
-    """Return the long-only portfolio of n assets with the largest Sharpe ratio.
-
-    Sigma x - mu >= 0, x >= 0, complementary; x / sum x maximises mu'x / sqrt(x'Sigma x)
-    among x >= 0. Sigma = F F' + D with `factors` (n / 10) factors is dense; some
-    returns mu are negative.
-    """
-    rng = np.random.default_rng(seed)
-    F = 0.2 * rng.standard_normal((n, factors or max(1, n // 10)))
-    mu = 0.05 + 0.1 * rng.standard_normal(n)
-    return nonnegative(F @ F.T + np.diag(rng.uniform(0.05, 0.2, n)), -mu)
-
-
 # ---- families of any size
 
 LOAD = 50.0
@@ -283,8 +255,8 @@ def nodes(m: int) -> np.ndarray:
     return np.arange(1, m + 1) / (m + 1)
 
 
-def waves(m: int, number: float = 3.0) -> np.ndarray:
-    line = np.sin(number * np.pi * nodes(m))
+def waves(m: int) -> np.ndarray:
+    line = np.sin(3.0 * np.pi * nodes(m))
     return np.outer(line, line).ravel()
 
 
@@ -366,12 +338,6 @@ def rough_obstacle(m: int, seed: int = 0) -> BoxLCP:
     return BoxLCP(five_point(m, m), q, floor, np.full(m * m, np.inf))
 
 
-def random_load(m: int, seed: int = 0) -> BoxLCP:
-    """Return z >= 0 under a random load at every node, normal, of size h."""
-    q = np.random.default_rng(seed).standard_normal(m * m) / (m + 1)
-    return nonnegative(five_point(m, m), q)
-
-
 def biactive(m: int) -> tuple[BoxLCP, np.ndarray]:
     """Return an obstacle problem with z_i = w_i = 0 for half the nodes, and z.
 
@@ -383,15 +349,6 @@ def biactive(m: int) -> tuple[BoxLCP, np.ndarray]:
     z = np.maximum(s - t, 0.0)
     w = LOAD / (m + 1) ** 2 * np.maximum(-s - t, 0.0)
     return nonnegative(A, w - A @ z), z
-
-
-def islands(m: int) -> BoxLCP:
-    """Return an obstacle problem with 60 % of the nodes active.
-
-    Load 400 (sin(8 pi x) sin(8 pi y) - 0.45): z > 0 on 32 islands.
-    """
-    load = 400.0 / (m + 1) ** 2 * (waves(m, 8.0) - 0.45)
-    return nonnegative(five_point(m, m), -load)
 
 
 def transport(m: int) -> BoxLCP:
@@ -428,9 +385,7 @@ FAMILIES: dict[str, Callable[[int], BoxLCP]] = {
     "mesh": lambda n: triangles(side(n)),
     "mesh, jumps": lambda n: triangles(side(n), 1000.0),
     "rough": lambda n: rough_obstacle(side(n)),
-    "random load": lambda n: random_load(side(n)),
     "biactive": lambda n: biactive(side(n))[0],
-    "islands": lambda n: islands(side(n)),
     "bilinear": lambda n: bilinear(side(n)),
     "stretched": lambda n: bilinear(side(n), 10.0),
     "transport": lambda n: transport(side(n)),
