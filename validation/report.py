@@ -7,8 +7,8 @@ machine is quiet (`harness.quiet`), with --busy one other process may run. What 
 command printed is in OUT/logs. At the end stands what became of each claim.
 `--full --out validation` renews the repository's own files, and its README files.
 
---only takes jobs by their names, --list tells the minutes on one quiet core, --again
-makes everything anew. --data (or the environment variable NAMLCP_DATA) is the folder
+--only takes jobs by their names, --list tells the minutes of each, --again makes
+everything anew. --data (or the environment variable NAMLCP_DATA) is the folder
 described in README.md; jobs whose data are missing are named and left out.
 """
 
@@ -18,6 +18,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
 
@@ -32,7 +33,8 @@ class Job(NamedTuple):
     """CSV files, the commands that make them one a line, and the minutes they take.
 
     {csv}, {data}, {results} and {figures} stand for paths, {quick} for --quick where
-    there is a quick version. A job that `grows` goes on where its files stop.
+    there is a quick version. A job that `grows` goes on where its files stop. Of one
+    that is not `timed` no time is claimed: two of them run side by side.
     """
 
     files: str
@@ -40,6 +42,7 @@ class Job(NamedTuple):
     minutes: float
     quick: float = 0.0
     grows: bool = False
+    timed: bool = True
 
     @property
     def name(self) -> str:
@@ -51,7 +54,12 @@ class Job(NamedTuple):
 
 
 def suite(
-    file: str, script: str, minutes: float, quick: float = 0.0, plot: bool = False
+    file: str,
+    script: str,
+    minutes: float,
+    quick: float = 0.0,
+    plot: bool = False,
+    timed: bool = True,
 ) -> Job:
     """Return the job of a suite: one file, and a chart of it with `plot`."""
     first, _, part = script.partition(" ")
@@ -60,41 +68,34 @@ def suite(
     )
     if plot:
         commands += f"\n{first} plot --csv {{csv}} --figures {{figures}}"
-    return Job(file, commands, minutes, quick, True)
+    return Job(file, commands, minutes, quick, True, timed)
 
 
 JOBS = (
-    suite("maros-meszaros", "peers.benchmark maros-meszaros", 40.0),
-    suite("classes", "peers.benchmark classes", 4.0),
-    suite("infeasible", "peers.benchmark infeasible", 4.0),
+    suite("maros-meszaros", "peers.benchmark maros-meszaros", 46.0),
+    suite("benchmark", "peers.benchmark sets", 18.0),
+    suite("work-precision-problems", "peers.work_precision", 15.0, 3.0, plot=True),
+    suite("large", "applications.large", 13.0, plot=True),
+    suite("general-lcps", "general.benchmark families", 7.0, 1.5),
+    suite("sequences", "repeated.sequences", 8.0, 0.5),
+    suite("classes", "peers.benchmark classes", 5.0),
     suite("cvxpy-models", "applications.modelled models", 5.0),
-    suite("cvxpy-resolve", "applications.modelled steps", 4.0),
-    suite("benchmark", "peers.benchmark sets", 6.0),
-    suite("sequences", "repeated.sequences", 7.0, 0.5),
+    suite("infeasible", "peers.benchmark infeasible", 4.0),
+    suite("generalisation", "peers.benchmark changes --solvers nam", 4.0),
     suite("latency", "repeated.dense latency", 3.0, 0.3, plot=True),
-    suite("batches", "repeated.dense batches", 2.0, 0.2),
-    suite("general-lcps", "general.benchmark families", 6.0, 1.5),
-    suite("time-stepping", "general.benchmark steps", 3.0, 0.5),
+    suite("cvxpy-resolve", "applications.modelled steps", 3.0),
+    suite("derivatives-peers", "derivatives.packages", 3.0, 1.0),
+    suite("closest", "derivatives.closest", 3.0, 1.0),
     suite("generalisation-families",
           "peers.benchmark families --solvers nam piqp", 2.0),
-    suite("generalisation", "peers.benchmark changes --solvers nam", 4.0),
-    suite("derivatives", "derivatives.differences", 3.0, 1.0),
-    suite("derivatives-peers", "derivatives.packages", 3.0, 1.0),
-    suite("closest", "derivatives.closest", 2.0, 1.0),
-    suite("contact", "peers.lcp contact", 1.0),
+    suite("batches", "repeated.dense batches", 1.0, 0.2),
+    suite("time-stepping", "general.benchmark steps", 1.0, 0.5),
+    suite("contact", "peers.lcp contact", 0.2),
     suite("example1", "peers.lcp example1", 1.0),
-    suite("first-call", "peers.first_call", 1.0),
-    suite("large", "applications.large", 12.0, plot=True),
-    suite("work-precision-problems", "peers.work_precision", 12.0, 3.5, plot=True),
-    suite("oracles", "oracles.agreement", 10.0, 1.0),
     suite("hertz", "peers.lcp hertz", 1.0),
+    suite("first-call", "peers.first_call", 1.0),
     suite("american-put", "applications.american_put", 0.2),
     Job("paper-tables", "paper.tables tables --results {results}", 0.5),
-    Job("paper-large", "paper.tables large --results {results}", 2.0),
-    Job("stability stability-units", """
-        paper.stability --results {results} --figures {figures}
-        """, 4.0),
-    suite("parameters", "paper.parameters", 4.0),
     Job("h_plus h_plus-definition convergence-proofs", """
         paper.h_plus --results {results}
         """, 2.0),
@@ -104,7 +105,14 @@ JOBS = (
         --classes general values sequences batches derivatives closest
         stress.campaign --csv {csv} --seeds 1 --problems 30000 \
         --solvers osqp piqp clarabel daqp quadprog
-        """, 26.0, grows=True),
+        """, 22.0, grows=True, timed=False),
+    suite("oracles", "oracles.agreement", 6.0, 1.0, timed=False),
+    Job("stability stability-units", """
+        paper.stability --results {results} --figures {figures}
+        """, 4.0, timed=False),
+    suite("parameters", "paper.parameters", 4.0, timed=False),
+    suite("derivatives", "derivatives.differences", 3.0, 1.0, timed=False),
+    Job("paper-large", "paper.tables large --results {results}", 2.0, timed=False),
 )  # fmt: skip
 
 
@@ -135,10 +143,15 @@ def run(job: Job, data: Path, out: Path, quick: bool, again: bool) -> str:
     with (out / "logs" / f"{job.name}.txt").open("w") as log:
         for line in lines:
             script, *words = line.split()
-            quiet.wait_until_quiet()
+            given = dict(os.environ)
+            if job.timed:
+                quiet.wait_until_quiet()
+            else:
+                given.pop(quiet.LOAD, None)
             command = cli.script(script, *(word.format(**paths) for word in words))
             streams = {"stdout": log, "stderr": subprocess.STDOUT}
-            code = subprocess.run(command, cwd=cli.ROOT, **streams).returncode
+            done = subprocess.run(command, cwd=cli.ROOT, env=given, **streams)
+            code = done.returncode
             if code == cli.MISSING:
                 return "data are missing"
             if code:
@@ -148,15 +161,19 @@ def run(job: Job, data: Path, out: Path, quick: bool, again: bool) -> str:
 
 
 def run_all(jobs: list[Job], data: Path, out: Path, args: list[bool]) -> Iterator[str]:
-    """Run jobs one after the other, so that none disturbs another; yield the faults."""
-    for number, job in enumerate(jobs, 1):
+    """Run timed jobs one after the other, then two by two the others; yield faults."""
+
+    def told(job: Job) -> str:
         start = time.monotonic()
         fault = run(job, data, out, *args)
-        seconds = time.monotonic() - start
-        word = fault or "done"
-        print(f"{number}/{len(jobs)} {job.name}: {word}, {seconds:.0f} s", flush=True)
-        if fault:
-            yield f"{job.name}: {fault}"
+        minutes = (time.monotonic() - start) / 60.0
+        print(f"{job.name}: {fault or 'done'}, {minutes:.1f} min", flush=True)
+        return f"{job.name}: {fault}" if fault else ""
+
+    yield from filter(None, map(told, (job for job in jobs if job.timed)))
+    with ThreadPoolExecutor(2) as pool:
+        others = [job for job in jobs if not job.timed]
+        yield from filter(None, pool.map(told, others))
 
 
 def main(arguments: list[str] | None = None) -> int:
