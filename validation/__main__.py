@@ -16,7 +16,10 @@ def main(arguments: list[str] | None = None) -> int:
     script, *rest = given
     module = importlib.import_module(f"validation.{script}")
     if hasattr(module, "SUITES"):
-        name, *rest = rest
+        name, *rest = rest or [""]
+        if name not in module.SUITES:
+            print(f"{module.__doc__}\nsuites: {', '.join(module.SUITES)}")
+            return 0
         return module.SUITES[name].main(rest)
     return getattr(module, "SUITE", module).main(rest)
 

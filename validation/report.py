@@ -62,12 +62,9 @@ def suite(
     timed: bool = True,
 ) -> Job:
     """Return the job of a suite: one file, and a chart of it with `plot`."""
-    first, _, part = script.partition(" ")
-    commands = (
-        f"{first} {part or 'run'} {{quick}} --csv {{csv}} --go-on --data {{data}}"
-    )
+    commands = f"{script} run {{quick}} --csv {{csv}} --go-on --data {{data}}"
     if plot:
-        commands += f"\n{first} plot --csv {{csv}} --figures {{figures}}"
+        commands += f"\n{script} plot --csv {{csv}} --figures {{figures}}"
     return Job(file, commands, minutes, quick, True, timed)
 
 
