@@ -19,7 +19,7 @@ def main(arguments: list[str] | None = None) -> int:
         name, *rest = rest or [""]
         if name not in module.SUITES:
             print(f"{module.__doc__}\nsuites: {', '.join(module.SUITES)}")
-            return 0
+            return int(name not in ("", "-h", "--help"))
         return module.SUITES[name].main(rest)
     return getattr(module, "SUITE", module).main(rest)
 

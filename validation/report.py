@@ -106,7 +106,7 @@ JOBS = (
     suite("oracles", "oracles.agreement", 6.0, 1.0, timed=False),
     Job("stability stability-units", """
         paper.stability --results {results} --figures {figures}
-        """, 4.0, timed=False),
+        """, 3.0, timed=False),
     suite("parameters", "paper.parameters", 4.0, timed=False),
     suite("derivatives", "derivatives.differences", 3.0, 1.0, timed=False),
     Job("paper-large", "paper.tables large --results {results}", 2.0, timed=False),

@@ -1,8 +1,8 @@
 """Where the sweep methods fail: maps over their parameters, classes and conditioning.
 
 run
-    stability.csv: every method on one problem of each class (`sweep_scenes`), over c
-    in Omega = c D and alpha. stability-units.csv: every method on Example 1, over
+    stability.csv: every method with two parameters on one problem of each class
+    (`sweep_scenes`), over c in Omega = c D and alpha. stability-units.csv: every method on Example 1, over
     delta and the unit of A and q.
     A cell is the number of sweeps to Res < 1e-6 Res(z_0), or what happened instead
     within CAP sweeps: "slow" (Res falls steadily), "cycles" (bounded, no
@@ -39,7 +39,7 @@ from validation.harness import Row, charts, cli, csv_files, tables
 from validation.problems import sweep_scenes
 
 EPS = 1e-6  # of Res(z_0)
-CAP, FACTORED_CAP = 2000, 1000  # sweeps at most, and those with a factorisation
+CAP = 2000  # sweeps at most
 GROWN = 1e3  # Res / Res(z_0) that is divergence and no cycle
 STEADY = 20.0  # | slope of log Res | / its standard error, over the second half
 
@@ -50,20 +50,12 @@ class Map(NamedTuple):
     method: str
     shift: str | None = None
     beta: float | None = None
-    axes: str = "alpha c"
 
 
 MAPS = (
     Map("msor"), Map("maor", beta=0.0), Map("namsor", "I"), Map("namsor", "D"),
     Map("namaor", "I", beta=0.0), Map("namaor", "D", beta=0.0), Map("amsor"),
 )  # fmt: skip
-STRIPS = (
-    Map("psor", axes="alpha"), Map("modulus", axes="c"), Map("nam", "I", axes="c"),
-    Map("nam", "D", axes="c"), Map("modified-nam", "I", axes="c I"),
-    Map("modified-nam", "D", axes="c I"),
-)  # fmt: skip
-"""Methods with one parameter; "c I" means Omega = c I."""
-
 BETAS = {"maor": 0.0, "namaor": 0.45}
 SHIFTED = "namj namgs namsor namaor nam modified-nam"
 UNITS = [
@@ -109,44 +101,30 @@ def outcome(
     return "cycles"
 
 
-def parameters(scene: sweep_scenes.Scene, chart: Map, alpha: float, c: float) -> Row:
+def fixed(scene: sweep_scenes.Scene, chart: Map) -> Row:
+    """Return the arguments of a method that are the same in all cells."""
     D = scene.A.diagonal()
-    given: Row = {"shift": {"I": 1.0, "D": D}.get(chart.shift), "beta": chart.beta}
-    if "alpha" in chart.axes:
-        given["alpha"] = alpha
-    if chart.axes == "c I":
-        given["alpha"] = c
-    elif "c" in chart.axes:
-        given["omega"] = c * D
-    return given
+    return {"shift": {"I": 1.0, "D": D}.get(chart.shift), "beta": chart.beta}
 
 
 def key(name: str, chart: Map) -> Row:
-    shift = chart.shift or ""
-    return {"class": name, "method": chart.method, "shift": shift, "axes": chart.axes}
+    return {"class": name, "method": chart.method, "shift": chart.shift or ""}
 
 
 def class_rows() -> Iterator[Row]:
     """Yield a row for each class, method and c with a column for each alpha."""
     alphas = np.linspace(0.1, 1.9, 19)
     powers = np.linspace(-5.0, 4.0, 19)
-    strip = np.linspace(-8.0, 8.0, 33)
-    line = np.linspace(0.05, 1.95, 33)
     for scene in sweep_scenes.problem_classes():
         for chart in MAPS:
             for c in 2.0 ** powers[::-1]:
                 row = key(scene.name, chart) | {"c": c}
                 for alpha in alphas:
-                    given = parameters(scene, chart, alpha, c)
+                    given = fixed(scene, chart) | {"alpha": alpha}
+                    given["omega"] = c * scene.A.diagonal()
                     cell = outcome(scene, chart.method, CAP, **given)
                     row[f"{alpha:.2f}"] = cell
                 yield row
-        for chart in STRIPS:
-            cap = CAP if chart.axes == "alpha" else FACTORED_CAP
-            for x in line if chart.axes == "alpha" else 2.0**strip:
-                given = parameters(scene, chart, x, x)
-                cell = outcome(scene, chart.method, cap, **given)
-                yield key(scene.name, chart) | {"c": x, "only": cell}
         print(scene.name, flush=True)
 
 
@@ -162,7 +140,7 @@ def unit_rows() -> Iterator[Row]:
         for exponent in np.arange(-6, 7):
             unit = 10.0 ** float(exponent)
             scene = base._replace(A=unit * base.A, q=unit * base.q)
-            given = parameters(scene, chart._replace(axes=""), 0.0, 0.0)
+            given = fixed(scene, chart)
             if "alpha" in SWEEPS[chart.method].takes:
                 given["alpha"] = ALPHAS.get(chart.method, ALPHA)
             row[f"{exponent:d}"] = outcome(scene, chart.method, CAP, **given)
@@ -224,7 +202,6 @@ def plot(results: Path, figures: Path) -> None:
 
 def plot_maps(rows: list[Row], figures: Path) -> None:
     """Draw c against alpha for every class (column) and method (row)."""
-    rows = tables.chosen(rows, axes="alpha c")
     classes = tables.distinct(rows, "class")
     methods = tables.distinct(rows, "method", "shift")
     figure, grid = plt.subplots(
@@ -276,10 +253,7 @@ def main(arguments: list[str] | None = None) -> int:
     args = parser.parse_args(arguments)
     if args.part in (None, "run"):
         header = cli.begin([], f"cells: {CAP} sweeps at most")
-        rows = list(class_rows())
-        names = dict.fromkeys(itertools.chain.from_iterable(rows), "")
-        rows = [names | row for row in rows]
-        csv_files.write(args.results / "stability.csv", header, rows)
+        csv_files.write(args.results / "stability.csv", header, list(class_rows()))
         rows = list(unit_rows())
         csv_files.write(args.results / "stability-units.csv", header, rows)
     if args.part in (None, "plot"):
