@@ -2,8 +2,8 @@
 
 run
     stability.csv: every method with two parameters on one problem of each class
-    (`sweep_scenes`), over c in Omega = c D and alpha. stability-units.csv: every method on Example 1, over
-    delta and the unit of A and q.
+    (`sweep_scenes`), over c in Omega = c D and alpha. stability-units.csv: every
+    method on Example 1, over delta and the unit of A and q.
     A cell is the number of sweeps to Res < 1e-6 Res(z_0), or what happened instead
     within CAP sweeps: "slow" (Res falls steadily), "cycles" (bounded, no
     measurable progress: periodic or wandering), "diverges" (Res grows without bound).

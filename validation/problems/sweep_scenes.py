@@ -55,8 +55,9 @@ def with_contact(scene: Scene, seed: int = 0) -> Scene:
     Strictly complementary z*, w*: exponentially distributed, w*_i in units of a_ii.
     """
     rng = np.random.default_rng(seed)
-    z, w = draw.pair(rng, scene.q.size, both=0.0)
-    return scene._replace(q=scene.A.diagonal() * w - scene.A @ z, s0=None)
+    free, size = rng.random(scene.q.size) < 0.5, rng.exponential(size=scene.q.size)
+    z, w = size * free, size * ~free * scene.A.diagonal()
+    return scene._replace(q=w - scene.A @ z, s0=None)
 
 
 def contact(data: Path, name: str) -> Scene:
