@@ -34,7 +34,7 @@ def test_campaign(part, cycle):
     """Any problem of the campaign: never wrong, and solved where it must be."""
     for index in range(50 * part, 50 * part + 50):
         case = problems.make(7, index, cycle)
-        found = campaign.examine(case, "nam", 1e-6, 10.0)
+        found = campaign.examine(case, "nam", 10.0)
         assert found["outcome"] in ("right", "refused"), (index, found)
         if found["truth"] in ("solvable", "infeasible", "unsolvable", "malformed"):
             assert found["outcome"] == "right", (index, found)
@@ -142,7 +142,7 @@ def test_a_ray_of_rounding_proves_nothing():
 @pytest.mark.parametrize("index", [174, 4917, 6804, 31329, 75545])
 def test_large_numbers_do_not_hide_the_others(index):
     case = problems.make(3, index)
-    found = campaign.examine(case, "nam", 1e-6, 10.0)
+    found = campaign.examine(case, "nam", 10.0)
     assert found["outcome"] == "right", found
 
 
@@ -157,13 +157,13 @@ def test_squares_of_tiny_unknowns_are_no_residual():
 )
 def test_what_far_scales_found(seed, index):
     """An infinite point refined for ever; P sorted by SciPy; norms of lists of rows."""
-    found = campaign.examine(problems.make(seed, index, "values"), "nam", 1e-6, 10.0)
+    found = campaign.examine(problems.make(seed, index, "values"), "nam", 10.0)
     assert found["outcome"] in ("right", "refused"), found
 
 
 def test_a_proof_holds_in_units_that_equilibrate():
     """Multipliers of bounds count in the units of the dual residual, not of x."""
-    found = campaign.examine(problems.make(1, 23880), "nam", 1e-6, 10.0)
+    found = campaign.examine(problems.make(1, 23880), "nam", 10.0)
     assert found["outcome"] == "right", found
 
 

@@ -54,7 +54,7 @@ def test_a_batch_has_an_argument_with_an_axis():
 
 @pytest.mark.parametrize(("seed", "index"), [(1, 24390), (3, 73554)])
 def test_extreme_scales_are_not_called_unbounded(seed, index):
-    found = campaign.problem_of(campaign.Part(seed, "every", "nam"), index, 1e-6, 10.0)
+    found = campaign.problem_of(campaign.Part(seed, "every", "nam"), index, 10.0)
     assert found["truth"] == "possible"
     assert found["outcome"] in ("right", "refused")
 

@@ -11,9 +11,9 @@ solvers or problems. `problem_of` asks one of them once more.
 
 nam gets the arguments in all their representations, at its default settings, with
 warnings as errors. Its peers get the convex QPs of "every" and of the first seed,
-clean, through qpsolvers with eps as absolute tolerance
+clean, through qpsolvers with EPS as absolute tolerance
 (`qp_solvers.detecting_settings`) and their default limits; theirs is a wrong "found"
-only beyond tenfold eps, relative to the size of the terms. quadprog gets the definite
+only beyond tenfold EPS, relative to the size of the terms. quadprog gets the definite
 ones.
 """
 
@@ -50,7 +50,7 @@ BATCH = 500  # problems between two writings of the CSV
 LIMIT = 5.0  # [s] a problem; the children have GRACE more
 WARM_UP = 3  # problems of each class before the clock of nam runs
 COMPILING = 900.0  # [s] for that, once, with nothing on the disk
-LOOSE = 10.0  # times eps: beyond that "found" of a peer is wrong
+EPS, LOOSE = 1e-6, 10.0  # of the peers; beyond LOOSE EPS "found" is wrong
 
 
 COLUMNS = (
@@ -139,10 +139,10 @@ def truth_of(case: cases.Case) -> str:
     }.get((feasible, descends), "near")
 
 
-def examine(case: cases.Case, solver: str, eps: float, limit: float) -> Row:
+def examine(case: cases.Case, solver: str, limit: float) -> Row:
     own = solver == "nam"
     start = time.perf_counter()
-    answer = ask_nam(case) if own else ask_peer(case, solver, eps, limit)
+    answer = ask_nam(case) if own else ask_peer(case, solver, EPS, limit)
     seconds = time.perf_counter() - start
     if case.group in cases.MALFORMED:
         outcome, why = judge_malformed(answer, case.truth)
@@ -152,29 +152,29 @@ def examine(case: cases.Case, solver: str, eps: float, limit: float) -> Row:
         outcome, why = judge_lcp(case.problem, truth, answer, NAM_LCP)
     else:
         truth = truth_of(case)
-        tolerance = NAM if own else Tolerance(eps, eps, LOOSE)
+        tolerance = NAM if own else Tolerance(EPS, EPS, LOOSE)
         outcome, why = judge_qp(clean(case.problem), truth, answer, tolerance, own)
     return {"truth": truth, "outcome": outcome, "why": why, "time": seconds}
 
 
-def problem_of(part: Part, i: int, eps: float, limit: float) -> Row:
+def problem_of(part: Part, i: int, limit: float) -> Row:
     if part.set in relations.RELATIONS:
         start = time.perf_counter()
         outcome, why = relations.examine(part.seed, i, part.set)
         found = {"truth": "related", "outcome": outcome, "why": why}
         return found | {"time": time.perf_counter() - start}
-    return examine(cases.make(part.seed, i, part.set), part.solver, eps, limit)
+    return examine(cases.make(part.seed, i, part.set), part.solver, limit)
 
 
-def work(job: Job, index: int | None, eps: float = 0.0) -> Row:
+def work(job: Job, index: int | None) -> Row:
     """Return the row of problem `index` (None: load and compile what nam needs)."""
     if index is None:
         kinds = {**cases.CYCLES, **relations.RELATIONS}[job.data.set]
         for i in range(WARM_UP * len(kinds)):
-            problem_of(job.data._replace(seed=0), i, eps, job.limit)
+            problem_of(job.data._replace(seed=0), i, job.limit)
         return {}
     job.ready()
-    return problem_of(job.data, index, eps, job.limit)
+    return problem_of(job.data, index, job.limit)
 
 
 class CampaignBench(Bench):
@@ -186,8 +186,8 @@ class CampaignBench(Bench):
             self.pipe.send((self.limit, None))
             self.wait(COMPILING)
 
-    def examine(self, index: int, eps: float) -> Row:
-        row = self.ask(index, eps)
+    def examine(self, index: int) -> Row:
+        row = self.ask(index)
         if "outcome" not in row:
             words = row["status"]
             outcome = {"timeout": "hang", "crashed": "crash"}.get(words, "raised")
@@ -214,11 +214,7 @@ def parts(args: argparse.Namespace) -> list[Part]:
 
 def run(args: argparse.Namespace) -> int:
     """Run what is not done yet; return 1 if an answer of nam is never to be given."""
-    own = [f"eps of the peers: {args.eps:g}"]
-    if args.csv.exists() and csv_files.header(args.csv)[: len(own)] != own:
-        print(f"{args.csv} has another eps")
-        return cli.MISSING
-    tally = Tally(args.csv, own + cli.begin(SOLVERS))  # more of them may come later
+    tally = Tally(args.csv, cli.begin(SOLVERS))  # more of them may come later
     for part in parts(args):
         if tally.done[part] < args.problems:
             run_part(part, tally, args)
@@ -236,7 +232,7 @@ def run_part(part: Part, tally: Tally, args: argparse.Namespace) -> None:
         began = time.perf_counter()
         for i in range(tally.done[part], args.problems):
             if part.solver == "nam" or cases.kind_of(i, part.set) in suited:
-                tally.add(part, i, child.examine(i, args.eps))
+                tally.add(part, i, child.examine(i))
             if (i + 1) % BATCH == 0 or i + 1 == args.problems:
                 tally.done[part] = i + 1
                 tally.seconds[part] += time.perf_counter() - began
@@ -247,7 +243,6 @@ def run_part(part: Part, tally: Tally, args: argparse.Namespace) -> None:
 def main(arguments: list[str] | None = None) -> int:
     parser = cli.parser(__doc__, csv=..., limit=LIMIT)
     parser.add_argument("--solvers", nargs="+", default=["nam"], choices=SOLVERS)
-    parser.add_argument("--eps", type=float, default=1e-6, help="of the peers")
     parser.add_argument("--seeds", type=int, nargs="+", default=[1])
     parser.add_argument("--classes", default=["every"], choices=SETS, nargs="+")
     help_ = "of each set and seed"
