@@ -16,7 +16,7 @@ from namlcp.linalg.factors import plan_factors
 HELD = 1e20
 
 
-class Factors(NamedTuple):
+class ShiftedFactors(NamedTuple):
     """Factors of a sum, with as many entries.
 
     solve: b, (n,) or (n, k), to the solution. is_positive: whether the determinant is,
@@ -47,7 +47,7 @@ class Shifted:
             self.data, self.last = upper.data, upper.indptr[1:] - 1
             self.plan = plan_factors(upper.indptr, upper.indices)
 
-    def factors(self, diagonal: np.ndarray) -> Factors | None:
+    def factors(self, diagonal: np.ndarray) -> ShiftedFactors | None:
         """Factor M + diag(diagonal); return None if it is exactly singular.
 
         With signs, the next factors overwrite these, and solve takes a b (m,).
@@ -57,13 +57,15 @@ class Shifted:
             self.data[self.last] = signs * (self.own + diagonal)
             with contextlib.suppress(ValueError):  # a pivot is 0, by rounding
                 self.plan.refactor(self.data)
-                return Factors(lambda b: self.plan.solve(signs * b), self.plan.entries)
+                return ShiftedFactors(
+                    lambda b: self.plan.solve(signs * b), self.plan.entries
+                )
         if sparse.issparse(M):
             try:
                 lu = splu(sparse.csc_array(M + sparse.diags_array(diagonal)))
             except RuntimeError:
                 return None
-            return Factors(
+            return ShiftedFactors(
                 lu.solve,
                 int(lu.nnz),
                 lambda: is_even(lu.U.diagonal(), lu.perm_r, lu.perm_c),
@@ -73,7 +75,7 @@ class Shifted:
         lu, pivots, info = dgetrf(K, overwrite_a=1)
         if info != 0:
             return None
-        return Factors(
+        return ShiftedFactors(
             lambda b: dgetrs(lu, pivots, b)[0],
             lu.size,
             lambda: (

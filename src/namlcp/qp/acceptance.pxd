@@ -29,10 +29,7 @@ cdef struct Claim:
     double dual
 
 cdef bint suffices(double worst, double most, double error, double margin, double moduli, bint cancels) noexcept nogil
-cdef void weigh(
-    Farkas* found, const double* b, const double* y, Py_ssize_t p, const double* h, const double* z,
-    Py_ssize_t m, const double* lb, const double* ub, const double* s, double* z_box, Py_ssize_t n,
-) noexcept nogil
+cdef void weigh(Farkas* found, const Claim* c, const double* y, const double* z, const double* s, double* z_box) noexcept nogil
 cdef void add_term(Farkas* found, double side, double multiplier) noexcept nogil
 cdef bint prove_infeasible(Claim* c, const double* x, double* y, double* z, double* z_box) noexcept nogil
 cdef bint prove_unbounded(Claim* c, const double* x, const double* y, const double* z, double* d) noexcept nogil

@@ -47,19 +47,19 @@ def suffices(worst, most, error, margin, moduli, cancels):
     return within or (exact and cancels and relative * moduli <= ROUNDED_VALUE)
 
 
-def weigh(found, b, y, p, h, z, m, lb, ub, s, z_box, n):
+def weigh(found, c, y, z, s, z_box):
     """Set z_box to -s = -(G'z + A'y) where a bound allows, and the numbers `found`.
 
     The value is b'y + h'z + lb'z_box^- + ub'z_box^+, NaN where a multiplier is.
     """
     found.value = found.moduli = found.lam = 0.0
-    for i in range(p):
-        add_term(found, b[i], y[i])
-    for i in range(m):
+    for i in range(c.p):
+        add_term(found, c.b[i], y[i])
+    for i in range(c.m):
         if z[i] != 0.0:
-            add_term(found, h[i], z[i])
-    for j in range(n):
-        bound = ub[j] if s[j] < 0.0 else lb[j]
+            add_term(found, c.h[i], z[i])
+    for j in range(c.n):
+        bound = c.ub[j] if s[j] < 0.0 else c.lb[j]
         z_box[j] = 0.0 if isinf(bound) else 0.0 - s[j]
         if z_box[j] != 0.0:
             add_term(found, bound, z_box[j])
@@ -89,7 +89,7 @@ def prove_infeasible(c, x, y, z, z_box):
     fill(s, 0.0, n)
     add_transposed(c.G, z, s)
     add_transposed(c.A, y, s)
-    weigh(cython.address(found), c.b, y, p, c.h, z, c.m, c.lb, c.ub, s, z_box, n)
+    weigh(cython.address(found), c, y, z, s, z_box)
     if not found.value < -VALUE_ROUNDING * found.moduli:
         return False
     factor = -1.0 / found.value

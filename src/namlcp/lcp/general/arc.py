@@ -23,7 +23,7 @@ import numpy as np
 
 from namlcp.lcp.general.cones import Condensed, System
 from namlcp.lcp.general.distances import Distances
-from namlcp.lcp.general.interior import Point
+from namlcp.lcp.general.interior import PathPoint
 
 # Added to the unit diagonal, so that a singular matrix can be factored.
 SHIFT = 1e-12
@@ -62,7 +62,7 @@ class Directions:
     def __init__(
         self,
         curve: tuple[Distances, np.ndarray, np.ndarray],
-        at: Point,
+        at: PathPoint,
         t: float,
         factors: Any,
     ):
@@ -92,7 +92,7 @@ class Directions:
         a = self.model.of(dp) / self.at.gaps
         return np.concatenate((a, products - a))
 
-    def move(self, theta: float) -> tuple[Point, float]:
+    def move(self, theta: float) -> tuple[PathPoint, float]:
         """Return the point a step h along the curve and theta of V away, and its t."""
         at, model, number = self.at, self.model, self.at.m.size
         tau = self.h / max(float(np.abs(self.U).max(initial=0.0)), 1.0)
@@ -110,7 +110,7 @@ class Directions:
         cut = min(1.0, MOST_STEP / fall) if fall > 0.0 else 1.0
         gaps = at.gaps * (1.0 + cut * rates[:number])
         m = at.m * (1.0 + cut * rates[number:])
-        return Point(at.p + cut * dp, gaps, m), self.t * (1.0 + cut * rate)
+        return PathPoint(at.p + cut * dp, gaps, m), self.t * (1.0 + cut * rate)
 
 
 def arc(model: Distances, system: System) -> Iterator[np.ndarray]:
@@ -122,7 +122,7 @@ def arc(model: Distances, system: System) -> Iterator[np.ndarray]:
     F = model.F(p)
     m = np.maximum(model.of(F), 0.0) + 1.0
     curve = model, model.total(m) - F, gaps * m
-    at, t, h, off = Point(p, gaps, m), 1.0, FIRST_STEP, False
+    at, t, h, off = PathPoint(p, gaps, m), 1.0, FIRST_STEP, False
     stack: list[Directions] = []
     for _ in range(PROMISED_STEPS if isinstance(system, Condensed) else STEPS):
         yield at.p

@@ -46,21 +46,21 @@ JAM, JAMS, STALL, FIRST_STALL, SETTLED = 0.05, 3, 8, 15, 1e-9
 CLEAR, CLEARER, ENOUGH, FEASIBLE, EQUILIBRATIONS = 1e-3, 0.01, 1e-10, 1e-6, 3
 
 
-class Point(NamedTuple):
+class PathPoint(NamedTuple):
     """A point of a path, or a direction from it: p, gaps and multipliers m."""
 
     p: np.ndarray
     gaps: np.ndarray
     m: np.ndarray
 
-    def moved(self, step: float, d: "Point") -> "Point":
-        return Point(*(x + step * dx for x, dx in zip(self, d, strict=True)))
+    def moved(self, step: float, d: "PathPoint") -> "PathPoint":
+        return PathPoint(*(x + step * dx for x, dx in zip(self, d, strict=True)))
 
 
 def mehrotra(model: Distances, system: System) -> Iterator[np.ndarray]:
     """Yield the points p of the path, one factorisation from one to the next."""
     p, gaps = model.start()
-    at = Point(p, gaps, np.ones(gaps.size))  # max |c_i| of the model is 1
+    at = PathPoint(p, gaps, np.ones(gaps.size))  # max |c_i| of the model is 1
     least, jams = [math.inf], 0
     for _ in range(STEPS):
         yield at.p
@@ -85,19 +85,19 @@ def mehrotra(model: Distances, system: System) -> Iterator[np.ndarray]:
 
 
 def centred(
-    model: Distances, at: Point, factors: Any, excess: np.ndarray
-) -> tuple[Point, float]:
+    model: Distances, at: PathPoint, factors: Any, excess: np.ndarray
+) -> tuple[PathPoint, float]:
     """Return the direction of predictor and correctors, and the longest step along it.
 
     It removes the excess.
     """
 
-    def towards(change: np.ndarray) -> Point:
+    def towards(change: np.ndarray) -> PathPoint:
         """Return the direction for changes of the products."""
         wish = change / at.gaps
         dp = factors.solve(model.total(wish) - excess)
         dgaps = model.of(dp)
-        return Point(dp, dgaps, wish - at.m / at.gaps * dgaps)
+        return PathPoint(dp, dgaps, wish - at.m / at.gaps * dgaps)
 
     products, mu = at.gaps * at.m, float(at.gaps @ at.m) / max(at.m.size, 1)
     d = towards(-products)
@@ -123,7 +123,7 @@ def centred(
     return d, step
 
 
-def longest(at: Point, d: Point) -> float:
+def longest(at: PathPoint, d: PathPoint) -> float:
     """Return the largest step up to 1 that keeps gaps and multipliers >= 0."""
     fall = max((-dx / x).max(initial=0.0) for x, dx in zip(at[1:], d[1:], strict=True))
     return 1.0 if fall <= 1.0 else 1.0 / float(fall)
