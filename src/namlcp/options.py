@@ -82,23 +82,12 @@ class Options:
         check_number("time_limit", self.time_limit, 0.0)
         check_flag("verbose", self.verbose)
         check_count("threads", self.threads)
-        self.relaxation  # noqa: B018 - which raises
+        relaxation_of(self.infeasible)
 
     @cached_property
     def relaxation(self) -> "Relaxation | None":
         """What `infeasible` asks for beyond a certificate, None if nothing."""
-        infeasible = self.infeasible
-        if isinstance(infeasible, Relaxation):
-            return infeasible
-        if not isinstance(infeasible, str):
-            raise TypeError(
-                f"infeasible must be a string or a Relaxation, got {infeasible!r:.60}"
-            )
-        if infeasible not in RELAXATIONS:
-            raise ValueError(
-                f"infeasible must be one of {[*RELAXATIONS]}, got {infeasible!r}"
-            )
-        return RELAXATIONS[infeasible]
+        return relaxation_of(self.infeasible)
 
     @cached_property
     def settings(self) -> Settings:
@@ -176,6 +165,24 @@ class Relaxation:
             name, weights = f"Relaxation.{side}", getattr(self, side)
             for weight in np.ravel(weights).tolist():
                 check_number(name, weight, 0.0)
+
+
+def relaxation_of(infeasible: object) -> Relaxation | None:
+    """Return what `Options.infeasible` asks for, None for a certificate alone.
+
+    Raises TypeError or ValueError if it is nothing known.
+    """
+    if isinstance(infeasible, Relaxation):
+        return infeasible
+    if not isinstance(infeasible, str):
+        raise TypeError(
+            f"infeasible must be a string or a Relaxation, got {infeasible!r:.60}"
+        )
+    if infeasible not in RELAXATIONS:
+        raise ValueError(
+            f"infeasible must be one of {[*RELAXATIONS]}, got {infeasible!r}"
+        )
+    return RELAXATIONS[infeasible]
 
 
 def check_names(settings: Mapping[str, Any]) -> None:

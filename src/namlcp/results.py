@@ -5,7 +5,7 @@ A result keeps the problem by reference, and is differentiated when it is asked.
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, is_dataclass
-from functools import partial
+from functools import cached_property, partial
 from operator import index
 from time import perf_counter
 from typing import Any, Generic, NamedTuple, TypeVar
@@ -571,13 +571,15 @@ class ClosestPoint(Single):
             raise ValueError(
                 f"derivatives need shifts of norm 2, got those of norm {self.norm}"
             )
-        (qp, given), *stages = problem_of(self)
+        (qp, _), *_ = problem_of(self)
         if self.stamp != stamp_of(qp):
             raise ValueError(CHANGED)
-        own = vars(self)
-        if "kept" not in own:
-            own["kept"] = ClosestDerivative((qp, given), *stages)
-        return own["kept"]
+        return self.kept
+
+    @cached_property
+    def kept(self) -> ClosestDerivative:
+        """The same, made once."""
+        return ClosestDerivative(*problem_of(self))
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
