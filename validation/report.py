@@ -62,9 +62,11 @@ def suite(
     timed: bool = True,
 ) -> Job:
     """Return the job of a suite: one file, and a chart of it with `plot`."""
-    commands = f"{script} run {{quick}} --csv {{csv}} --go-on --data {{data}}"
+    name, *options = script.split(" --")
+    commands = f"{name} run {{quick}} --csv {{csv}} --go-on --data {{data}}"
+    commands += "".join(f" --{option}" for option in options)
     if plot:
-        commands += f"\n{script} plot --csv {{csv}} --figures {{figures}}"
+        commands += f"\n{name} plot --csv {{csv}} --figures {{figures}}"
     return Job(file, commands, minutes, quick, True, timed)
 
 

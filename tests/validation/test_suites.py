@@ -1,6 +1,5 @@
 """The harness: one suite end to end, runs that stop and go on, the report."""
 
-import itertools
 import sys
 
 import pytest
@@ -98,8 +97,8 @@ def test_commands_of_the_report_have_their_arguments(command, capsys):
     words = command.split()
     assert (cli.ROOT / f"validation/{words[0].replace('.', '/')}.py").exists()
     pytest.importorskip(f"validation.{words[0]}")
-    with pytest.raises(SystemExit):
-        main([*itertools.takewhile(lambda word: word[:2] != "--", words), "--help"])
+    with pytest.raises(SystemExit, match="0"):
+        main([*words, "--help"])
     known = capsys.readouterr().out
     assert all(word in known for word in words if word.startswith("--"))
 
