@@ -210,10 +210,10 @@ def test_the_norm_of_a_residual_with_nan_is_nan(place):
 def weighed(b, y, h, z, lb, ub, s):
     """Return z_box, and the value, its moduli and the 1-norm of the multipliers."""
     acceptance = plain.module("namlcp.qp.acceptance")
-    found, z_box = acceptance.Farkas(), np.empty(s.size)
-    b, y, h, z, lb, ub, s, out = map(plain.Pointer, (b, y, h, z, lb, ub, s, z_box))
-    p, m, n = (v.array.size for v in (b, h, s))
-    acceptance.weigh(found, b, y, p, h, z, m, lb, ub, s, out, n)
+    found, c, z_box = acceptance.Farkas(), acceptance.Claim(), np.empty(s.size)
+    c.p, c.m, c.n = b.size, h.size, s.size
+    c.b, c.h, c.lb, c.ub = map(plain.Pointer, (b, h, lb, ub))
+    acceptance.weigh(found, c, *map(plain.Pointer, (y, z, s, z_box)))
     return z_box, (found.value, found.moduli, found.lam)
 
 
