@@ -85,6 +85,6 @@ def alone(qp: QP, eps_abs: float, eps_rel: float) -> tuple[str, Proof] | None:
     return f"row {i} of G has h = -inf", (proof, NO_RESIDUAL)
 
 
-def largest(v: np.ndarray) -> float:
-    """Return max |v_i|, 0 for no entries."""
-    return float(np.abs(v).max()) if v.size else 0.0
+def largest(*vectors: np.ndarray) -> float:
+    """Return the largest modulus of all entries, 0 for none."""
+    return max(float(np.abs(v).max(initial=0.0)) for v in vectors)

@@ -25,11 +25,11 @@ import scipy.sparse as sp
 from namlcp.checks import from_arrays
 from namlcp.linalg import times
 from namlcp.outcome import Outcome
+from namlcp.qp.certificates import largest
 from namlcp.qp.closest.rows import (
     ROUNDING,
     Rows,
     chosen,
-    largest,
     least_shifts,
     scattered,
 )

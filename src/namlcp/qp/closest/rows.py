@@ -178,8 +178,3 @@ def chosen(C: Any, rows: np.ndarray, columns: np.ndarray | None = None) -> Any:
     if isinstance(C, np.ndarray):
         return C[rows] if columns is None else C[np.ix_(rows, columns)]
     return submatrix(C, rows, np.arange(C.shape[1]) if columns is None else columns)
-
-
-def largest(*vectors: np.ndarray) -> float:
-    """Return the largest modulus of all entries, 0 for none."""
-    return max(float(np.abs(v).max(initial=0.0)) for v in vectors)

@@ -78,7 +78,7 @@ def project_multipliers(m, candidate):
     """
     problem, kkt, n, rows = m.problem, m.kkt, m.n, m.n + m.p
     y, Z = candidate
-    size = max(largest(y), largest(Z))
+    size = largest(y, Z)
     y, Z = y / size, Z / size
     w = np.sqrt(Z)
     weight = sums(m, w)
@@ -95,9 +95,10 @@ def project_multipliers(m, candidate):
         v = sums(m, problem.sign * Z)
         v[n:rows] = y
         r = products(m, np.zeros(n), v)[1] + v[:n]
-        if not largest(r) <= 0.5 * last:
+        residual = largest(r)
+        if not residual <= 0.5 * last:
             break
-        best, last = (y, Z), largest(r)
+        best, last = (y, Z), residual
         if last <= PROJECTED:
             break
         rhs[:n] = -r
