@@ -77,8 +77,10 @@ class Public(type):
 
 def data_of(kind: Any) -> tuple[str, ...]:
     """Return the names of the attributes of a class of results."""
-    if issubclass(kind, ResultBase | LCPResultBase):
-        return FIELDS if issubclass(kind, ResultBase) else LCP_FIELDS
+    if issubclass(kind, ResultBase):
+        return FIELDS
+    if issubclass(kind, LCPResultBase):
+        return LCP_FIELDS
     return tuple(f.name for f in fields(kind) if f.repr) if is_dataclass(kind) else ()
 
 
