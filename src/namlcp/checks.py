@@ -151,40 +151,45 @@ def finite_matrix(name: str, value: Any, other: str, shape: tuple[int, ...]) -> 
     return C
 
 
-def checked_order(name: str, C: Any) -> int:
-    """Return the `index_order` of a sparse matrix, `Order.UNSORTED` for other formats.
+def checked_order(name: str, C: Any) -> tuple[Any, Any]:
+    """Return the `index_order` of a sparse matrix, and its (indptr, indices) in int32.
 
-    Raises a ValueError if it is corrupt, which SciPy does not check.
+    They are `Order.UNSORTED` and None for formats that are not compressed. Raises a
+    ValueError if it is corrupt, which SciPy does not check.
     """
-    order = Order.UNSORTED
+    order, places = Order.UNSORTED, None
     if C.format == "coo":
         sides = zip(C.coords, C.shape, strict=True)
         if not all(0 <= k.min() <= k.max() < n for k, n in sides if k.size):
             order = Order.CORRUPT
     elif C.format in ("csr", "csc", "bsr") and C.ndim == 2:
         major, minor = C.shape if C.format != "csc" else C.shape[::-1]
-        size = C.data.shape[0]
         if C.format == "bsr":
             major, minor = major // C.blocksize[0], minor // C.blocksize[1]
-        indices = C.indices if C.indices.size == size else C.indices[:size]
-        indptr, indices = narrow(C.indptr), narrow(indices)
+        places = narrow(C.indptr), narrow(first(C.indices, C.data.shape[0]))
         order = Order.CORRUPT
-        if indptr is not None and indices is not None:
-            order = index_order(indptr, indices, major, minor)
+        if places[0] is not None and places[1] is not None:
+            order = index_order(*places, major, minor)
     if order == Order.CORRUPT:
         raise ValueError(
             f"{name} must have indices within its shape {C.shape}, got others "
             "(a corrupt sparse matrix)"
         )
-    return order
+    return order, places
+
+
+def first(array: np.ndarray, count: int) -> np.ndarray:
+    """Return the first `count` entries, the very array where these are all."""
+    return array if array.size == count else array[:count]
 
 
 def narrow(indices: np.ndarray) -> np.ndarray | None:
-    """Return indices as contiguous int32, None if one does not fit."""
-    if indices.dtype == INDEX:
-        return np.ascontiguousarray(indices)
-    with np.errstate(invalid="ignore"):
-        found = indices.astype(INDEX)
+    """Return indices as clean int32 ones, None if one does not fit."""
+    if indices.dtype == INDEX and indices.flags.carray:
+        return indices
+    if indices.dtype.kind not in "iu":
+        return None
+    found = indices.astype(INDEX, order="C")
     return found if (found == indices).all() else None
 
 
@@ -209,40 +214,39 @@ def refuse_view(name: str, value: Any) -> None:
 
 def sparse_matrix(name: str, value: Any, layout: str) -> Any:
     """Return `value` as a canonical sparse array or matrix of float64."""
-    order = checked_order(name, value)
-    if value.ndim == 2 and value.format in ("csr", "csc") and has_clean_arrays(value):
-        if value.format == layout and order == Order.CANONICAL:
-            return value  # SciPy takes 13 us to make another
-        refuse_size(name, value.data.size)
-        found = rearranged(value, layout)
-        if found is not None:
-            return found
+    order, places = checked_order(name, value)
     if value.dtype.kind not in "biuf":
         raise TypeError(f"{name} must hold real numbers, got dtype {value.dtype}")
+    if value.ndim == 2 and value.format in ("csr", "csc"):
+        indptr, indices = places
+        data = clean_copy(first(value.data, indptr[-1]), np.float64)
+        indices = first(indices, indptr[-1])
+        is_own = indptr is value.indptr and indices is value.indices
+        if value.format == layout and order == Order.CANONICAL:
+            if is_own and data is value.data:
+                return value  # SciPy takes 13 us to make another
+            wrap = sp.csr_array if layout == "csr" else sp.csc_array
+            refuse_size(name, max(*value.shape, data.size))
+            return from_arrays((indptr, indices, data), value.shape, wrap)
+        refuse_size(name, max(*value.shape, data.size))
+        found = rearranged((indptr, indices, data), value, layout)
+        if found is not None:
+            return found
+    refuse_size(name, value.nnz)
     if value.ndim == 1:
         value = value.reshape(1, -1)
-    if value.format == layout and order == Order.CANONICAL:
-        nnz = value.indptr[-1]
-        data, indices, indptr = value.data[:nnz], value.indices[:nnz], value.indptr
-    else:
-        refuse_size(name, value.nnz)
-        value = sp.csr_array(value, copy=True).asformat(layout)
-        value.sum_duplicates()
-        data, indices, indptr = value.data, value.indices, value.indptr
-    refuse_size(name, max(*value.shape, data.size))
-    data = clean_copy(data, np.float64)
-    indices, indptr = (clean_copy(v, np.int32) for v in (indices, indptr))
-    wrap = sp.csr_array if layout == "csr" else sp.csc_array
-    return from_arrays((indptr, indices, data), value.shape, wrap)
+    value = sp.csr_array(value, copy=True).asformat(layout)
+    value.sum_duplicates()
+    return sparse_matrix(name, value, layout)
 
 
-def rearranged(value: Any, layout: str) -> Any:
-    """Return a CSR or CSC matrix with clean arrays, sorted; None if it has duplicates.
+def rearranged(parts: Any, value: Any, layout: str) -> Any:
+    """Return a CSR or CSC matrix of clean `parts`, sorted; None if it has duplicates.
 
     Two transpositions sort a matrix, one changes its layout.
     """
     major, minor = value.shape if value.format == "csr" else value.shape[::-1]
-    parts = transposed(value.indptr, value.indices, value.data, minor)
+    parts = transposed(*parts, minor)
     wanted = minor, major
     if value.format == layout:
         parts = transposed(*parts, major)
