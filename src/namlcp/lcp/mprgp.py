@@ -29,6 +29,7 @@ Comput. Optim. Appl. 30 (2005) 23-43; Kruzik et al., Adv. Eng. Softw. 150 (2020)
 import math
 
 import numpy as np
+from scipy.linalg.blas import dnrm2
 
 from namlcp.lcp.data import LCP, Criterion
 from namlcp.limits import Limits
@@ -41,9 +42,8 @@ MAX_DESCENT_STEPS = 20_000
 # The method stalls after so many consecutive times that the criterion accepts the
 # updated gradient but not the recomputed one, and Res has not halved in between.
 MISSES = 4
-# A projected step d is taken if f decreases by at least this fraction of -g'd; `leap`
-# goes to a point only if Res there is at most the fraction MINIMUM of the present.
-SUFFICIENT, MINIMUM = 0.1, 0.1
+# A projected step d is taken if f decreases by at least this fraction of -g'd.
+SUFFICIENT = 0.1
 # A curvature p'A p / p'p of modulus up to ZERO_CURVATURE ||A|| counts as zero; one
 # below INDEFINITE_CURVATURE ||A|| shows that A is not semidefinite. ||A|| is
 # `Descent.norm`.
@@ -170,7 +170,7 @@ class Descent:
         if pp == 0.0:
             return Status.STALLED
         Ap = self.product(p)
-        self.norm = max(self.norm, math.sqrt(float(Ap @ Ap) / pp))
+        self.norm = max(self.norm, dnrm2(Ap) / dnrm2(p))  # without overflow
         pAp = float(p @ Ap)
         if not math.isfinite(pAp):
             self.size = pAp
@@ -183,11 +183,6 @@ class Descent:
             optimal = float(self.g @ p) / pAp
         if optimal == feasible == math.inf:
             self.ray = self.proof(p)
-            if self.leap(p) or (
-                self.ray is not None and self.leap(-self.ray * self.root)
-            ):
-                self.ray = None
-                return None
             return Status.STALLED if self.ray is None else Status.UNSOLVABLE
         if optimal > feasible and keeps_active and optimal < math.inf:
             if self.project(optimal, p):
@@ -213,21 +208,6 @@ class Descent:
         if slope + 0.5 * float(d @ Ad) > SUFFICIENT * slope:
             return False
         self.go(y, self.g + Ad)
-        return True
-
-    def leap(self, p: np.ndarray) -> bool:
-        """Go to the minimum of f along -p if Res is small there; tell if so.
-
-        A tiny curvature may be more than rounding errors: the minimum is then far away.
-        """
-        pAp = float(p @ self.product(p))
-        if not pAp > 0.0:
-            return False
-        y = self.clipped(self.y - float(self.g @ p) / pAp * p)
-        g = self.product(y) + self.q
-        if not natural_residual(y, g, self.lower, self.upper) <= MINIMUM * self.size:
-            return False
-        self.go(y, g)
         return True
 
     def proof(self, p: np.ndarray) -> np.ndarray | None:
