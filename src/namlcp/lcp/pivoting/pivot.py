@@ -341,4 +341,4 @@ def end_outer_step(m):
     # Steps 3, 6, 12, ...: later directions are more accurate, but every test costs.
     turn = m.outer_steps // 3
     due: cython.bint = m.outer_steps == 3 * turn and turn > 0 and turn & (turn - 1) == 0
-    return RAY if due and rho > 0.0 else GO_ON
+    return RAY if due and rho > 0.0 and not m.solved else GO_ON
