@@ -101,11 +101,13 @@ def with_squares(P, B, weight, deadline=NEVER):
     """Return P + B' diag(weight) B; OutOfTime if the deadline is reached before."""
     rows, columns = B.shape
     if DENSE * rows * columns < B.nnz and columns**2 <= MOST_DENSE:
-        S, C = as_dense(P), by_rows(B)
+        S, everything = as_dense(P), np.arange(columns)
         step = max(1, STRIP // columns)
         for i in range(0, rows, step):
             deadline.check()
-            half = C[i : i + step].toarray() * np.sqrt(weight[i : i + step])[:, None]
+            strip = np.arange(i, min(i + step, rows))
+            half = as_dense(submatrix(B, strip, everything))
+            half *= np.sqrt(weight[strip])[:, None]
             S += half.T @ half
         return as_sparse(S)
     turned = Compressed(*transposed(B.indptr, B.indices, B.data, rows))
