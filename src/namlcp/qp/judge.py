@@ -21,7 +21,8 @@ from cython.cimports.namlcp.measure import (
 )
 from scipy.linalg.blas import dnrm2
 
-from namlcp.linalg import is_clean_csc
+from namlcp.checks import matrix
+from namlcp.linalg import asymmetry, is_clean_csc
 from namlcp.outcome import FINAL, Outcome
 from namlcp.qp.certificates import accept_dual, accept_primal
 from namlcp.qp.problem import Point
@@ -126,8 +127,7 @@ class Judge:
         """Measure from now on in the order in which the user's matrices are stored."""
         own = self.qp.P, self.qp.G, self.qp.A
         P, G, A = map(as_stored, self.given, own)
-        C = sp.csc_array(P.copy()) if sp.issparse(P) else P  # SciPy sorts it in place
-        if abs(C - C.T).max() > 0.0:
+        if asymmetry(matrix("P", P, "csc"))[0] > 0.0:
             P = self.qp.P  # (P + P') / 2
         self.qp, self.given = self.qp._replace(P=P, G=G, A=A), None
         self.is_columns = all(map(is_clean_csc, (P, G, A)))
