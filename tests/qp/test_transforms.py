@@ -300,6 +300,12 @@ def test_residuals_of_least_squares_are_substituted(rows, n):
     np.testing.assert_allclose(inner.P.toarray(), 2 * B.T @ B, atol=1e-12)
 
 
+def test_rows_without_a_cost_are_substituted_without_filling_the_cost():
+    qp, _, _ = residual_form(0, 2, 40)
+    free = qp._replace(P=0.0 * qp.P)
+    assert substitute(free).problem.P.nnz == 0
+
+
 def with_residuals(kind):
     """Least squares whose residuals are variables, made impossible or unbounded."""
     qp, _, _ = residual_form(11, 60, 20, lower=0.0)

@@ -138,7 +138,10 @@ def substitute(qp, last=None, deadline=NEVER):
     # the squares added below would hide negative curvature
     check_convex(qp.P, deadline)
     deadline.check()
-    P = with_squares(submatrix(P, kept, kept), rest, cost / pivot**2, deadline)
+    priced = cost.nonzero()[0]
+    squared = rest if priced.size == by.size else submatrix(A, by[priced], kept)
+    weight = cost[priced] / pivot[priced] ** 2
+    P = with_squares(submatrix(P, kept, kept), squared, weight, deadline)
     return Substitution(
         qp, kept, columns, by, pivot, cost, others, rest,
         P, submatrix(G, np.arange(m), kept), submatrix(A, others, kept),
