@@ -28,6 +28,7 @@ from namlcp.linalg import (
     plan_lu,
 )
 from namlcp.linalg.fronts import Fronts
+from namlcp.linalg.ordering import chained
 
 
 def by_degree(kind):
@@ -43,6 +44,7 @@ KINDS = {
     "columns, natural order": as_it_stands(SparseFactors),
     "fronts": by_degree(Fronts),
     "fronts, natural order": as_it_stands(Fronts),
+    "fronts, chained": lambda U: Fronts(*parts(U), chained(natural(U))),
     "planned": lambda U: factors.plan_factors(*parts(U)),
 }
 

@@ -6,6 +6,7 @@ from problems_elimination import fill, laplacian, natural, parts, upper
 
 from namlcp.limits import Deadline, OutOfTime
 from namlcp.linalg import minimum_degree, supernodes
+from namlcp.linalg.ordering import Order, chained
 
 
 def scattered(size, entries, seed):
@@ -56,6 +57,7 @@ CASES = FORESTS | {
     "denser": scattered(150, 30, 5),
     "saddle": saddle(80, 60, 3, 6),
     "long rows": saddle(120, 8, 60, 7),
+    "full rows": np.kron(saddle(60, 8, 60, 9), [[1.0, 1.0], [1.0, 1.0]]),
     "hubs alone": scattered(700, 400, 8),
 }
 
@@ -151,11 +153,12 @@ def test_hubs_are_eliminated_last_and_cost_no_fill():
     assert order.counts.sum() <= inner.counts.sum() + 2500 * 20
 
 
-def test_supernodes_hold_the_pattern_of_their_columns(K):
+@pytest.mark.parametrize("sort", [Order, chained])
+def test_supernodes_hold_the_pattern_of_their_columns(K, sort):
     if not K.size:
         return
     U = upper(K)
-    order = minimum_degree(*parts(U))
+    order = minimum_degree(*parts(U)) if sort is Order else chained(natural(U))
     nodes = supernodes(*parts(U), order)
     L = factor_pattern(K, order)
     node = np.repeat(np.arange(nodes.parent.size), np.diff(nodes.first))
@@ -166,8 +169,22 @@ def test_supernodes_hold_the_pattern_of_their_columns(K):
         np.testing.assert_array_equal(rows[: end - begin], np.arange(begin, end))
         assert (np.diff(rows) > 0).all()
         assert np.isin(np.flatnonzero(L[:, begin:end].any(axis=1)), rows).all()
-        above = node[rows[end - begin]] if rows.size > end - begin else -1
-        assert nodes.parent[s] == above
+        below, above = rows[end - begin :], nodes.parent[s]
+        assert (above < 0) == (below.size == 0)
+        beyond = nodes.rows[nodes.starts[above] : nodes.starts[above + 1]]
+        assert above > s or not below.size
+        assert not below.size or np.isin(below, beyond).all()
+        assert sort is chained or not below.size or node[below[0]] == above
         size = nodes.panels[s + 1] - nodes.panels[s]
         assert size == rows.size * (end - begin)
     assert L.sum() <= nodes.panels[-1] <= max(4 * L.sum(), 100)
+
+
+def test_columns_under_full_rows_join_supernodes():
+    """Pairs of columns are beside each other and 16 rows: full ones, two of a pair."""
+    U = upper(CASES["full rows"])
+    order = natural(U)
+    apart, joined = (supernodes(*parts(U), o) for o in (order, chained(order)))
+    assert apart.parent.size > 30
+    assert joined.parent.size <= 8
+    assert joined.panels[-1] < 2 * apart.panels[-1]

@@ -11,7 +11,7 @@ from scipy.sparse import csc_array
 from namlcp.limits import NEVER, PASS, Deadline
 from namlcp.linalg.fronts import Fronts
 from namlcp.linalg.minimum_degree import minimum_degree
-from namlcp.linalg.ordering import Order, nested_dissection
+from namlcp.linalg.ordering import Order, chained, nested_dissection
 from namlcp.linalg.sparse_ldl import Factors, SparseFactors
 from namlcp.linalg.threads import STATE
 
@@ -37,7 +37,7 @@ def plan_factors(
     order = best_order(indptr, indices, deadline)
     deadline.check(PASS * order.counts.sum(dtype=np.int64))
     if order.work >= max(HEAVY, HEAVY_ROW * order.parent.size):
-        fronts = Fronts(indptr, indices, order, None, STATE.threads)
+        fronts = Fronts(indptr, indices, chained(order), None, STATE.threads)
         if fronts.stack <= MOST_WAITING * order.counts.sum(dtype=np.int64):
             return fronts
     return SparseFactors(indptr, indices, order)

@@ -88,11 +88,45 @@ def postordered(indptr, indices, place):
     """Return the postordered equivalent of the order `place`."""
     columns, rows, _ = permuted(indptr, indices, place, True)
     parent, counts = elimination_tree(columns, rows)
-    position = postorder(parent)
+    return renumbered(place, parent, counts, np.zeros(place.size, np.uint8))
+
+
+def renumbered(place, parent, counts, comes_last):
+    """Return an order with the columns postordered; comes_last: after its siblings."""
+    position = postorder(parent, comes_last)
     new_parent, new_counts = np.empty((2, place.size), np.int32)
     new_parent[position[:-1]] = position[parent]
     new_counts[position[:-1]] = counts
     return Order(position[place], new_parent, new_counts)
+
+
+def chained(order):
+    """Return the order with siblings of the same rows one after another.
+
+    A column is full if its rows are all those of its parent, and the parent. Full
+    siblings, as columns under dense rows are, become a chain with what is full below
+    each: so they may join one supernode, with explicit zeros.
+    """
+    place, parent, counts = order
+    is_full = (parent >= 0) & (counts == counts[parent] + 1)
+    number = np.bincount(parent[is_full], minlength=parent.size)  # of full children
+    found = (is_full & (number <= 1) & (number[parent] > 1)).nonzero()[0]
+    if not found.size:
+        return order
+    found = found[np.argsort(parent[found], kind="stable")]
+    before, after = found[:-1], found[1:]
+    same = parent[before] == parent[after]
+    alone = (is_full & (number[parent] == 1)).nonzero()[0].astype(np.int32)
+    heads = np.arange(parent.size, dtype=np.int32)  # where what is full below one begins
+    head: cython.int[::1] = heads
+    child: cython.int[::1] = alone
+    parents: cython.int[::1] = parent
+    for t in range(child.shape[0]):
+        head[parents[child[t]]] = head[child[t]]
+    above, comes_last = parent.copy(), np.zeros(parent.size, np.uint8)
+    above[before[same]] = heads[after[same]]
+    comes_last[before[same]] = True
+    return renumbered(place, above, counts, comes_last)
 
 
 def permuted(indptr, indices, place, is_strict):
@@ -148,10 +182,11 @@ def elimination_tree(indptr, indices):
     return parents, counts
 
 
-def postorder(parent):
+def postorder(parent, comes_last):
     """Return the place of every node, each directly after its descendants.
 
-    The last entry is -1, the parent of a root.
+    Those that come last are after their siblings. The last entry is -1, the parent of
+    a root.
     """
     size = parent.shape[0]
     places = constant(size + 1, -1, np.int32)
@@ -159,10 +194,12 @@ def postorder(parent):
     head: cython.int[::1] = constant(size + 1, -1, np.int32)  # the last list: the roots
     following: cython.int[::1] = np.empty(size, np.int32)
     path: cython.int[::1] = np.empty(size + 1, np.int32)
-    for j in range(size - 1, -1, -1):
-        k = parent[j] if parent[j] >= 0 else size
-        following[j] = head[k]
-        head[k] = j
+    for turn in range(2):
+        for j in range(size - 1, -1, -1):
+            if comes_last[j] + turn == 1:
+                k = parent[j] if parent[j] >= 0 else size
+                following[j] = head[k]
+                head[k] = j
     path[0] = size
     depth: Py_ssize_t = 0
     done: cython.int = 0
