@@ -36,13 +36,13 @@ class Deadline:
     def __init__(self, at=INFINITY):
         self.at = at
 
-    def reached(self):
-        """Tell whether to stop."""
-        return time.perf_counter() >= self.at
+    def reached(self, seconds=0.0):
+        """Tell whether the deadline is reached, or will be in so many seconds."""
+        return time.perf_counter() + seconds >= self.at
 
     def check(self, seconds=0.0):
-        """Raise OutOfTime if the deadline is reached, or will be in so many seconds."""
-        if time.perf_counter() + seconds >= self.at:
+        """Raise OutOfTime where `reached`."""
+        if self.reached(seconds):
             raise OutOfTime
 
 

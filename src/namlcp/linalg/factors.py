@@ -24,6 +24,8 @@ MOST_WAITING = 12.0
 # Work for each row, and entries of L for each one of the matrix, from which on nested
 # dissection is tried, too: it saves nothing where there is hardly any fill.
 DEEP, FILL = 1e5, 4.0
+# Seconds for an entry that nested dissection takes, which cannot be interrupted.
+DISSECTION = 2.5e-6
 
 
 def plan_factors(
@@ -73,6 +75,7 @@ def best_order(indptr: np.ndarray, indices: np.ndarray, deadline: Deadline) -> O
         return order
     if order.counts.sum(dtype=np.int64) < FILL * indices.size:
         return order
-    deadline.check()
+    if deadline.reached(DISSECTION * indices.size):
+        return order
     other = nested_dissection(indptr, indices)
     return order if other is None or other.work >= order.work else other
