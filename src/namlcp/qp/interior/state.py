@@ -96,7 +96,7 @@ def attach(m):
     m.indptr, m.indices = places(kkt.indptr, m.size + 1), places(kkt.indices, m.nnz)
     m.base, m.data = numbers(kkt.base, m.nnz), numbers(kkt.data, m.nnz)
     m.factored = numbers(kkt.factored, m.nnz)
-    m.factors = kkt.plan(not problem.small.P.data.any(), m.limits.deadline)
+    m.factors = kkt.plan(True, m.limits.deadline)
     m.place, m.sign = places(problem.place, m.m), numbers(problem.sign, m.m)
     m.unit = numbers(problem.unit, m.size)
     m.q, m.b, m.c = (
