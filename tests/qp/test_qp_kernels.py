@@ -20,8 +20,9 @@ from namlcp.qp.transforms import ScaledQP, presolve
 
 LIMITS = Limits(1e-9, 0.0)
 TOL = 1e-6
-steps, loop, newton = (
-    plain.module(f"namlcp.qp.interior.{name}") for name in ("steps", "loop", "newton")
+steps, loop, newton, state = (
+    plain.module(f"namlcp.qp.interior.{name}")
+    for name in ("steps", "loop", "newton", "state")
 )
 
 
@@ -84,7 +85,7 @@ def iterate(whole, point, rho, delta):
     _, _, dW, dZ = whole.direction(point, -W * Z, rho, delta)
     a, z = longest(W, Z, dW, dZ)
     sigma = ((W + a * dW) @ (Z + z * dZ) / (m * mu)) ** 3
-    least = steps.LEAST_TARGET * LIMITS.eps_abs / m
+    least = state.LEAST_TARGET * LIMITS.eps_abs / m
     aim = max(min(max(sigma, 0.0), 1.0) * mu, least)
     target = aim - W * Z - dW * dZ
     step = whole.direction(point, target, rho, delta)

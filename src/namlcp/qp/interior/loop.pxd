@@ -1,11 +1,12 @@
 from namlcp.qp.interior.state cimport Interior
 
-cdef double LIFT, TOLERABLE, INSIDE, LEAST_SLACK, LEAST_MULTIPLIER, LONG, GAIN
+cdef double LIFT, TOLERABLE, CLOSER, LEAST, INSIDE, LEAST_SLACK, LEAST_MULTIPLIER, LONG, GAIN
 cdef enum:
     MOST_RESTARTS = 2
     PATIENCE = 100
     WARM_PATIENCE = 10
     FACTORISATIONS = 3
+    MOST_REFUSED = 15
 
 cdef bint is_late(Interior m) except -1
 cdef object iterate(Interior m, object guess)

@@ -56,6 +56,10 @@ from namlcp.status import Status
 # to the gap, then. TOLERABLE: primal residual over its tolerance up to which a restart
 # relaxes right-hand sides.
 LIFT, TOLERABLE = 0.01, 0.5
+# Where the judge refuses an iterate that meets the tolerances here, the least target of
+# W'Z falls to the part CLOSER of what it was, and at most to LEAST. The loop ends with
+# MOST_REFUSED of them.
+CLOSER, LEAST = 0.1, 1e-8
 # Slacks and multipliers of a warm start are at least INSIDE times the largest one, or
 # times LEAST_SLACK and LEAST_MULTIPLIER if these are larger.
 INSIDE, LEAST_SLACK, LEAST_MULTIPLIER = 1e-2, 1.0, 1e-3
@@ -141,6 +145,9 @@ def answer(m, wants):
         solved, measured = offer(m, m.x) <= 1.0, True
         if solved and m.tol > EXACT:
             return Status.SOLVED
+        if m.worst <= 1.0 and not solved:  # terms of the gap cancel in the user's sum
+            m.least_target = max(CLOSER * m.least_target, LEAST)
+            m.refused += 1
     if solved or wants & ACTIVE_SET:
         copy(m.x, m.start, m.length)
         refine(m)
@@ -151,6 +158,8 @@ def answer(m, wants):
     verdict = find_proof(m) if wants & PROVE else None
     if verdict is None and m.iterations < m.max_iter and is_late(m):
         return Status.TIME_LIMIT
+    if verdict is None and m.refused >= MOST_REFUSED:
+        return Status.STALLED
     return verdict
 
 

@@ -56,8 +56,11 @@ cdef class Interior(Watched):
         double primal_ratio, dual_ratio, gap_ratio
         # The largest of the three, inf for NaN; the least one since the last restart.
         double worst, best
-        # W'Z after the longest steps; the target of W Z; its least value over the gap.
-        double product, target, lift
+        # W'Z after the longest steps; the target of W Z; its least values over the gap,
+        # and over the tolerance of that.
+        double product, target, lift, least_target
+        # Iterates within the tolerances that the judge refused.
+        Py_ssize_t refused
         # Largest change of x, and of y and Z, by the last step; whether that had full
         # length.
         double change_x, change_yz
@@ -89,7 +92,7 @@ cdef class Interior(Watched):
         size_t memory_end
 
 
-cdef double ACCURACY, ACCURACY_EXACT, MOST_ACCURATE, LEAST_ACCURATE, EXACT
+cdef double ACCURACY, ACCURACY_EXACT, MOST_ACCURATE, LEAST_ACCURATE, EXACT, LEAST_TARGET
 
 cdef double* reals(Interior m, Py_ssize_t count) noexcept nogil
 cdef void lay_out(Interior m) noexcept nogil

@@ -15,6 +15,8 @@ ACCURACY, ACCURACY_EXACT = 1e-2, 1e-3
 MOST_ACCURATE, LEAST_ACCURATE = 1e-14, 1e-8
 # With a tolerance up to this, a solution is refined before it is returned.
 EXACT = 1e-8
+# Least target of W'Z, relative to the tolerance of the gap.
+LEAST_TARGET = 0.01
 
 
 class Interior(Watched):
@@ -42,6 +44,7 @@ class Interior(Watched):
         self.accuracy = min(max(accuracy * self.tol, MOST_ACCURATE), LEAST_ACCURATE)
         self.max_iter = limits.max_iter or DEFAULT_OPTIONS.max_iter
         self.best, self.step.primal, self.step.dual = INFINITY, 1.0, 1.0
+        self.least_target = LEAST_TARGET
 
     def __dealloc__(self):
         free(self.memory)

@@ -1,7 +1,7 @@
 from namlcp.qp.interior.state cimport Interior
 
 cdef double THIN, MOST_LEFT, LENGTHENED, LEAST_PRODUCT, MOST_PRODUCT, SHORT, FULL
-cdef double LEAST_TARGET, NEGLIGIBLE, START_VALUE
+cdef double NEGLIGIBLE, START_VALUE
 
 cdef void multiply(Interior m, const double* x, const double* v, double* Px, double* Ctv, double* t) noexcept nogil
 cdef void evaluate(Interior m) noexcept nogil

@@ -27,8 +27,6 @@ LENGTHENED, LEAST_PRODUCT, MOST_PRODUCT = 0.08, 0.1, 10.0
 # Fraction of the longest feasible step that is taken; a step has full length if the sum
 # of the primal and the dual one exceeds FULL.
 SHORT, FULL = 0.99, 1.9
-# Least target of W'Z, relative to the tolerance of the gap.
-LEAST_TARGET = 0.01
 # If all scaled slacks and multipliers of the first solve are at most NEGLIGIBLE, all
 # start from START_VALUE instead.
 NEGLIGIBLE, START_VALUE = 1e-4, 0.1
@@ -203,7 +201,7 @@ def aim_at_centre(m):
     ratio = min(max(m.product / (m.m * m.mu), 0.0), 1.0)
     sigma = ratio * ratio * ratio
     gap = m.eps_abs + m.eps_rel * m.gap_size
-    target = max(sigma * m.mu, LEAST_TARGET * gap / m.m, m.lift * m.gap / m.m)
+    target = max(sigma * m.mu, m.least_target * gap / m.m, m.lift * m.gap / m.m)
     m.target = target
     for k in range(m.m):
         m.rc[k] = target - m.W[k] * m.Z[k] - m.step.dW[k] * m.step.dZ[k]
