@@ -36,7 +36,7 @@ def relaxed(qp, **choice):
 
 def test_the_nearest_problem_is_solved_by_pivots_though_its_rows_leave_a_point():
     """Rows that leave a single x seem to contradict each other by rounding."""
-    rng, n = np.random.default_rng(200), 200
+    rng, n = np.random.default_rng(200), 100
     B, G, A = (rng.standard_normal((k, n)) for k in (n, 3 * n, n // 10))
     h, b = -1.0 - rng.random(3 * n), rng.standard_normal(n // 10)
     qp = make_qp(B.T @ B, rng.standard_normal(n), G, h, A, b)

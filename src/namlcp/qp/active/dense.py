@@ -121,6 +121,7 @@ class DenseActiveSet(ActiveSet):
         times_rows(self.G, self.m, n, n, x, values)
 
     def make_response(self, row):
+        self.operations += self.n * self.length
         set_unit_load(self, row, self.rhs)
         self.set_values(self.rhs, claim_place(self, row))
 

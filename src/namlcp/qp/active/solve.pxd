@@ -5,16 +5,15 @@ from namlcp.qp.active.engine cimport ActiveSet
 cpdef enum:
     MOST_ORDER = 900
     MOST_BOX = 50
-    MOST_LINEAR = 128
+    MOST_LINEAR = 90
     FEW_ENTRIES = 10_000
     FULL = 30
     TINY_ENTRIES = 2000
 
 cdef object SOLVED, DUAL, clock
-cdef double MOST_OPERATIONS, FEW_OPERATIONS, ACTIVE
+cdef double FEW_OPERATIONS, PASSES, MOST_OPERATIONS, ACTIVE
 
 cdef Py_ssize_t filled(const double* values, Py_ssize_t count) noexcept nogil
-cdef bint are_full(DenseActiveSet m) noexcept nogil
 cdef void take_settings(ActiveSet m, Settings settings, double until)
 cdef int run(ActiveSet m) except -1
 cdef object result_of(ActiveSet m, object kind, object problem, double start, double ready)

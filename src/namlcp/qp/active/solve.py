@@ -68,10 +68,10 @@ OUTCOMES = {
 # solved in dense form as it came: to look for a substitution would take longer.
 # FEW_ENTRIES: most entries of a QP that takes P + W whatever it is; a larger one is
 # left to the interior-point method where less than FULL percent of them are not zero.
-# Operations of pivots from which on the interior-point method is quicker, for each one
-# of n^2 (n + m + p); and a number, some tens of milliseconds, that is never too large.
-# (Linear programs take 10 to 30 of these units, other QPs 1 to 4.)
-MOST_OPERATIONS, FEW_OPERATIONS = 4.0, 2e8
+# Operations of pivots after which the interior-point method takes over, about as many
+# as take its time: FEW, and PASSES for each entry of P, G and A that is not zero, and
+# MOST more for each variable.
+FEW_OPERATIONS, PASSES, MOST_OPERATIONS = 1e7, 200.0, 1.5
 # Largest slack of a row that counts as active at a point, relative.
 ACTIVE = guess.ACTIVE
 
@@ -84,16 +84,6 @@ def filled(values, count):
     return found
 
 
-def are_full(m):
-    """Tell whether the matrices have few entries, or few zeros."""
-    n = m.n
-    entries = n * (n + m.m + m.p)
-    if entries <= FEW_ENTRIES:
-        return True
-    found = filled(m.P, n * n) + filled(m.G, m.m * n) + filled(m.A, m.p * n)
-    return 100 * found >= FULL * entries
-
-
 def attach(m, P, G, A, is_single):
     """Let an object be for QPs with these matrices, which are clean and not copied."""
     m.is_single, m.matrices, m.m, m.p = is_single, (P, G, A), 0, 0
@@ -103,10 +93,14 @@ def attach(m, P, G, A, is_single):
     if A is not None:
         m.p, m.A = cnp.PyArray_DIM(A, 0), data_of(A)
     make_room(m)
-    order, unit = m.n + m.m + m.p, cython.cast(cython.double, m.n * m.n)
+    n, order = m.n, m.n + m.m + m.p
     m.is_large = order > MOST_ORDER
-    m.most_operations = max(FEW_OPERATIONS, MOST_OPERATIONS * unit * order)
-    m.wanted = 0.0 if are_full(m) else NO_WEIGHT
+    m.most_operations, m.wanted = FEW_OPERATIONS, 0.0
+    if n * order > FEW_ENTRIES:
+        count = filled(m.P, n * n) + filled(m.G, m.m * n) + filled(m.A, m.p * n)
+        m.most_operations += (PASSES + MOST_OPERATIONS * n) * count
+        if 100 * count < FULL * n * order:
+            m.wanted = NO_WEIGHT
     return 0
 
 
