@@ -11,7 +11,7 @@ cpdef enum:
     TINY_ENTRIES = 2000
 
 cdef object SOLVED, DUAL, clock
-cdef double FEW_OPERATIONS, PASSES, MOST_OPERATIONS, ACTIVE
+cdef double FEW_OPERATIONS, PASSES, OF_COST, OF_ROWS, ACTIVE
 
 cdef Py_ssize_t filled(const double* values, Py_ssize_t count) noexcept nogil
 cdef void take_settings(ActiveSet m, Settings settings, double until)

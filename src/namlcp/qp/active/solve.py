@@ -69,9 +69,9 @@ OUTCOMES = {
 # FEW_ENTRIES: most entries of a QP that takes P + W whatever it is; a larger one is
 # left to the interior-point method where less than FULL percent of them are not zero.
 # Operations of pivots after which the interior-point method takes over, about as many
-# as take its time: FEW, and PASSES for each entry of P, G and A that is not zero, and
-# MOST more for each variable.
-FEW_OPERATIONS, PASSES, MOST_OPERATIONS = 1e7, 200.0, 1.5
+# as take its time: FEW, and for each entry of P, G and A that is not zero PASSES, and
+# for each variable OF_COST more where it is one of P, OF_ROWS where it is one of a row.
+FEW_OPERATIONS, PASSES, OF_COST, OF_ROWS = 1e7, 200.0, 0.5, 2.0
 # Largest slack of a row that counts as active at a point, relative.
 ACTIVE = guess.ACTIVE
 
@@ -97,9 +97,9 @@ def attach(m, P, G, A, is_single):
     m.is_large = order > MOST_ORDER
     m.most_operations, m.wanted = FEW_OPERATIONS, 0.0
     if n * order > FEW_ENTRIES:
-        count = filled(m.P, n * n) + filled(m.G, m.m * n) + filled(m.A, m.p * n)
-        m.most_operations += (PASSES + MOST_OPERATIONS * n) * count
-        if 100 * count < FULL * n * order:
+        cost, rows = filled(m.P, n * n), filled(m.G, m.m * n) + filled(m.A, m.p * n)
+        m.most_operations += (PASSES + OF_COST * n) * cost + (PASSES + OF_ROWS * n) * rows
+        if 100 * (cost + rows) < FULL * n * order:
             m.wanted = NO_WEIGHT
     return 0
 
