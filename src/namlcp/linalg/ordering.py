@@ -117,7 +117,7 @@ def chained(order):
     before, after = found[:-1], found[1:]
     same = parent[before] == parent[after]
     alone = (is_full & (number[parent] == 1)).nonzero()[0].astype(np.int32)
-    heads = np.arange(parent.size, dtype=np.int32)  # where what is full below one begins
+    heads = np.arange(parent.size, dtype=np.int32)  # the first of what is full below
     head: cython.int[::1] = heads
     child: cython.int[::1] = alone
     parents: cython.int[::1] = parent

@@ -98,7 +98,8 @@ def attach(m, P, G, A, is_single):
     m.most_operations, m.wanted = FEW_OPERATIONS, 0.0
     if n * order > FEW_ENTRIES:
         cost, rows = filled(m.P, n * n), filled(m.G, m.m * n) + filled(m.A, m.p * n)
-        m.most_operations += (PASSES + OF_COST * n) * cost + (PASSES + OF_ROWS * n) * rows
+        m.most_operations += PASSES * (cost + rows)
+        m.most_operations += n * (OF_COST * cost + OF_ROWS * rows)
         if 100 * (cost + rows) < FULL * n * order:
             m.wanted = NO_WEIGHT
     return 0
