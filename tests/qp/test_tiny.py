@@ -1,19 +1,20 @@
-"""Tiny sparse QPs, which go where small dense ones go."""
+"""Tiny QPs that are sparse or stored by columns, which go where small dense ones go."""
 
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from problems_qp import complementary
+from problems_qp import complementary, dense
 from qpsolvers import Problem, Solution
 
 from namlcp import Status, solve_qp
 
 
+@pytest.mark.parametrize("kind", [sp.csc_matrix, np.asfortranarray])
 @pytest.mark.parametrize("size", [1.0, 1e4, 1e7, 1e9])
-def test_large_terms_are_judged_in_the_order_of_the_arguments(size):
+def test_large_terms_are_judged_in_the_order_of_the_arguments(size, kind):
     """What qpsolvers computes itself, whatever is said of the status."""
-    P, q, G, h, A, b, lb, ub = complementary(7, 10, 8, 3, 6).qp
-    P, G, A = map(sp.csc_matrix, (P, G, A))
+    P, q, G, h, A, b, lb, ub = dense(complementary(7, 10, 8, 3, 6).qp)
+    P, G, A = map(kind, (P, G, A))
     far = size * np.ones(10)
     given = (P, q - P @ far, G, h + G @ far, A, b + A @ far, lb + far, ub + far)
     result = solve_qp(*given, eps_abs=1e-9, eps_rel=0.0)
@@ -44,3 +45,18 @@ def test_a_contradiction_is_proved():
     result = solve_qp(sp.csc_array(np.eye(1)), np.ones(1), G, np.array([0.0, -1.0]))
     assert result.status is Status.PRIMAL_INFEASIBLE
     np.testing.assert_allclose(result.z, [1.0, 1.0])
+
+
+def test_a_result_of_matrices_by_columns_has_derivatives_until_they_change():
+    P, q, G, h, A, b, lb, ub = dense(complementary(3, 6, 5, 2, 6).qp)
+    P, G, A = map(np.asfortranarray, (P, G, A))
+    result = solve_qp(P, q, G, h, A, b, lb, ub, derivative=True)
+    other = solve_qp(*map(np.ascontiguousarray, (P, q, G, h, A, b, lb, ub)))
+    np.testing.assert_array_equal(result.x, other.x)
+    ones = np.ones(6)
+    np.testing.assert_allclose(
+        result.backward(ones).P, other.backward(ones).P, 0.0, 1e-12
+    )
+    G[0, 1] += 1.0
+    with pytest.raises(ValueError, match="changed"):
+        result.derivative  # noqa: B018

@@ -17,6 +17,7 @@ from cython.cimports.namlcp.limits import Settings
 from cython.cimports.namlcp.linalg.arrays import (
     NO_ENTRIES,
     are_places,
+    by_rows,
     data_of,
     fits,
     new_vector,
@@ -156,10 +157,10 @@ def solve_small(
 ):  # fmt: skip
     """Solve a small QP whose arguments are clean; None where they are not.
 
-    Dense ones; or P, G and A in CSC that are tiny, zeros included. Returns its result,
-    of a class derived from `ResultBase`, or the `DenseActiveSet` that has tried in
-    vain. keeps: let the result have the factors. x0 or warm_start: a point to begin
-    with, see `make_guess`.
+    P, G and A are dense, or in CSC and tiny, zeros included. Returns its result, of a
+    class derived from `ResultBase`, or the `DenseActiveSet` that has tried in vain.
+    keeps: let the result have the factors. x0 or warm_start: a point to begin with, see
+    `make_guess`.
     """
     if not fits(q, 1):
         return None
@@ -169,6 +170,9 @@ def solve_small(
     given, is_sparse = (P, q, G, h, A, b, lb, ub), not cnp.PyArray_CheckExact(P)
     if is_sparse:
         P, G, A = tiny_form(P, n), tiny_form(G, n), tiny_form(A, n)
+    else:
+        P, G, A = by_rows(P), by_rows(G), by_rows(A)
+    is_copied: cython.bint = P is not given[0] or G is not given[2] or A is not given[4]
     if G is not None or h is not None:
         rows = height_of(G, h, n)
     if A is not None or b is not None:
@@ -200,10 +204,10 @@ def solve_small(
     run(m)
     if m.code != DONE and m.code not in OUTCOMES:
         return m
-    if is_sparse and m.code == DONE and not is_certain(m):
+    if is_copied and m.code == DONE and not is_certain(m):
         return m
     result: ResultBase = result_of(m, kind, given, start, ready)
-    result.stamp = stamp_of(m, (given[0], given[2], given[4]))
+    result.stamp = stamp_of(m, given[:6:2] if is_sparse else (P, G, A))
     if keeps and m.code == DONE and not is_sparse:
         result.factors = factors_of(m)
     return result
