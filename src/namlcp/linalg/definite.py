@@ -19,9 +19,10 @@ its data to single precision."""
 SYMMETRY_ROUNDING = 1e-14
 """Largest |A - A'|, relative to max |A|, that rounding in double precision explains."""
 
-DENSE_ORDER = 200
+DENSE_ORDER, FULL_ORDER, FULL = 200, 3000, 0.6
 """Largest order at which a dense Cholesky factorisation tells the signs of pivots: it
-takes 3 to 70 us, a sparse one 35 to 250."""
+takes 3 to 70 us, a sparse one 35 to 250. Largest one of a triangle that has the part
+FULL of its entries, whose order would take as long."""
 
 
 def asymmetry(C: Any) -> tuple[float, float]:
@@ -55,8 +56,10 @@ def positive_factors(triangle: csc_array, deadline: Deadline = NEVER) -> Factors
 
 
 def has_positive_pivots(triangle: csc_array, deadline: Deadline = NEVER) -> bool:
-    """Tell whether `positive_factors` are some, of a small matrix by a dense form."""
-    if triangle.shape[0] <= DENSE_ORDER:
+    """Tell whether `positive_factors` are some; small and full ones in dense form."""
+    n = triangle.shape[0]
+    is_full = n <= FULL_ORDER and 2 * triangle.nnz >= FULL * n * n
+    if n <= DENSE_ORDER or is_full:
         lower = as_dense(triangle).T  # in the order of columns, as LAPACK has it
         return bool(dpotrf(lower, lower=1, clean=0, overwrite_a=1)[1] == 0)
     return positive_factors(triangle, deadline) is not None
