@@ -121,6 +121,16 @@ def largest_entry(v, n):
     return float(np.abs(v.part(n)).max(initial=0.0))
 
 
+def times_line(total, values, places, count, x):
+    return total + sum(values[t] * x[places[t]] for t in range(count))
+
+
+def add_line(total, values, places, count, x, scale, out):
+    for t in range(count):
+        out[places[t]] += values[t] * scale
+    return times_line(total, values, places, count, x)
+
+
 def rows_of(C, count, n):
     return C.part(count * n).reshape(count, n)
 
@@ -156,7 +166,8 @@ GIVEN = {
     "namlcp.linalg.vectors": SimpleNamespace(
         dot=dot, four_dots=four_dots, add_scaled=add_scaled, add_four=add_four,
         subtract_four=subtract_four, copy=copy, fill=fill, hash_of=None,
-        largest_entry=largest_entry, box_squares=None,
+        largest_entry=largest_entry, box_squares=None, times_line=times_line,
+        add_line=add_line,
     ),
     "namlcp.box": SimpleNamespace(clip=None, deviation=None),
     "namlcp.linalg.arrays": SimpleNamespace(

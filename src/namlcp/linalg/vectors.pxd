@@ -58,3 +58,36 @@ cdef inline double largest_entry(const double* v, Py_ssize_t n) noexcept nogil:
     for i in range(n):
         largest = max(largest, v[i] if v[i] >= 0.0 else -v[i])
     return largest
+
+
+# Entries from which on a line of a sparse matrix without gaps is taken by vectors.
+cdef enum:
+    LONG_LINE = 16
+
+
+cdef inline double times_line(
+    double total, const double* values, const int* places, Py_ssize_t count,
+    const double* x,
+) noexcept nogil:
+    """Return total plus the product of a line of a sparse matrix with x."""
+    cdef Py_ssize_t t
+    if count >= LONG_LINE and places[count - 1] - places[0] == count - 1:
+        return total + dot(values, x + places[0], count)
+    for t in range(count):
+        total += values[t] * x[places[t]]
+    return total
+
+
+cdef inline double add_line(
+    double total, const double* values, const int* places, Py_ssize_t count,
+    const double* x, double scale, double* out,
+) noexcept nogil:
+    """Return what `times_line` does; add scale times the line to out."""
+    cdef Py_ssize_t t
+    if count >= LONG_LINE and places[count - 1] - places[0] == count - 1:
+        add_scaled(scale, values, out + places[0], count)
+        return total + dot(values, x + places[0], count)
+    for t in range(count):
+        out[places[t]] += values[t] * scale
+        total += values[t] * x[places[t]]
+    return total

@@ -18,7 +18,13 @@ factorisations of K~ begin to fail.
 import cython
 from cython.cimports.libc.math import INFINITY, NAN, sqrt
 from cython.cimports.libc.stdlib import malloc
-from cython.cimports.namlcp.linalg.vectors import add_scaled, copy, dot, fill
+from cython.cimports.namlcp.linalg.vectors import (
+    add_line,
+    add_scaled,
+    copy,
+    dot,
+    fill,
+)
 
 # Where a refinement step did not reduce the residual, later refinements end at
 # ABOVE_ATTAINED times that residual, which counts as the tolerance at most and is
@@ -83,14 +89,9 @@ def set_remainder(m, b, u, r):
     indptr, indices, data = m.indptr, m.indices, m.data
     copy(b, r, m.size)
     for j in range(m.size):
-        last = indptr[j + 1] - 1
-        uj = u[j]
-        total = data[last] * uj
-        for t in range(indptr[j], last):
-            i = indices[t]
-            r[i] -= data[t] * uj
-            total += data[t] * u[i]
-        r[j] -= total
+        k, last = indptr[j], indptr[j + 1] - 1
+        total = data[last] * u[j]
+        r[j] -= add_line(total, data + k, indices + k, last - k, u, -u[j], r)
     return weighted_norm(r, m.row_size, m.size)
 
 

@@ -15,7 +15,7 @@ proximal terms rho, delta centred at the current point,
 
 import cython
 from cython.cimports.libc.math import INFINITY
-from cython.cimports.namlcp.linalg.vectors import copy, fill
+from cython.cimports.namlcp.linalg.vectors import add_line, copy, fill, times_line
 
 # Least weight of a row, whose reciprocal is on the diagonal of K~.
 THIN = 1e-20
@@ -40,22 +40,12 @@ def multiply(m, x, v, Px, Ctv, t):
         Ctv[j] = 0.0
         t[j] = x[j]
     for j in range(m.n):
-        last = indptr[j + 1] - 1
-        xj = x[j]
-        total = base[last] * xj
-        for k in range(indptr[j], last):
-            i = indices[k]
-            Px[i] += base[k] * xj
-            total += base[k] * x[i]
-        Px[j] += total
+        k, last = indptr[j], indptr[j + 1] - 1
+        total = base[last] * x[j]
+        Px[j] += add_line(total, base + k, indices + k, last - k, x, x[j], Px)
     for j in range(m.n, m.size):
-        vj = v[j]
-        total = 0.0
-        for k in range(indptr[j], indptr[j + 1] - 1):
-            i = indices[k]
-            Ctv[i] += base[k] * vj
-            total += base[k] * x[i]
-        t[j] = total
+        k, last = indptr[j], indptr[j + 1] - 1
+        t[j] = add_line(0.0, base + k, indices + k, last - k, x, v[j], Ctv)
 
 
 def evaluate(m):
@@ -169,10 +159,8 @@ def set_step(m):
     du, dW, dZ, dt = m.step.du, m.step.dW, m.step.dZ, m.dt
     copy(du, dt, m.n)
     for j in range(m.n, m.size):
-        total = 0.0
-        for t in range(m.indptr[j], m.indptr[j + 1] - 1):
-            total += m.base[t] * du[m.indices[t]]
-        dt[j] = total
+        k, last = m.indptr[j], m.indptr[j + 1] - 1
+        dt[j] = times_line(0.0, m.base + k, m.indices + k, last - k, du)
     W, Z, weight = m.W, m.Z, m.weight
     primal, dual = 1.0, 1.0
     ww = wz = zw = zz = 0.0
