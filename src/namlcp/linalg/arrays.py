@@ -37,7 +37,7 @@ def _is_clean(value, kind, ndim):
 
 
 def by_rows(value):
-    """Return a matrix of float64 stored by columns as a copy by rows, others as given."""
+    """Return a float64 matrix stored by columns as a copy by rows, others as given."""
     if not cnp.PyArray_CheckExact(value):
         return value
     array: cnp.ndarray = value

@@ -43,7 +43,8 @@ class Judge:
 
     The QP is solved if best <= 1. `given`: P, G and A as the user stores them, each
     None where absent; None where these are the matrices of the QP. `proof`: a
-    certificate that was accepted: status, point, residuals.
+    certificate that was accepted: status, point, residuals. `offered`: the residuals of
+    the last point that was offered.
     """
 
     def __init__(self, qp, limits, given=None):
@@ -52,7 +53,7 @@ class Judge:
         self.given = None if given is None or are_own(given, qp) else given
         self.is_columns = type(qp.P) is not np.ndarray
         self.best = INFINITY
-        self.point = self.residuals = self.proof = None
+        self.point = self.residuals = self.proof = self.offered = None
         self.message = ""
 
     @property
@@ -70,7 +71,7 @@ class Judge:
         for moves in (True, False):
             x, z_box = on_bounds(point.x, point.z_box, self.qp.lb, self.qp.ub, moves)
             trial = Point(x, point.y, z, z_box)
-            residuals = self.measure(trial)
+            self.offered = residuals = self.measure(trial)
             ratio = self.ratio(residuals)
             least = min(least, ratio)
             if least <= 1.0:
@@ -82,6 +83,10 @@ class Judge:
             if corrected is not trial:
                 least = min(least, self.ratio(self.measure(corrected)))
         return least
+
+    def misses_gap(self):
+        """Tell whether of the last point offered the gap alone misses its tolerance."""
+        return self.ratio(self.offered._replace(gap=0.0)) <= 1.0
 
     def measure(self, point, residuals=None):
         """Return the residuals of one point; keep it if it is the best.

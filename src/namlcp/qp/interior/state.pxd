@@ -59,7 +59,7 @@ cdef class Interior(Watched):
         # W'Z after the longest steps; the target of W Z; its least values over the gap,
         # and over the tolerance of that.
         double product, target, lift, least_target
-        # Iterates within the tolerances that the judge refused.
+        # Iterates within the tolerances whose gap the judge refused.
         Py_ssize_t refused
         # Largest change of x, and of y and Z, by the last step; whether that had full
         # length.
