@@ -2,10 +2,13 @@
 
 import contextlib
 import io
+import sys
 from pathlib import Path
 
 import namlcp
-from namlcp.cli.examples import EXAMPLES, show_example
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from examples import EXAMPLES, show_example
 
 project = "namlcp"
 author = "The namlcp authors"
@@ -36,7 +39,7 @@ PICTURES = Path(__file__).parent / "pictures"
 
 
 def draw_examples(app):
-    """Run the examples of the command line and draw the pictures of the gallery."""
+    """Run the examples and draw the pictures of the gallery."""
     PICTURES.mkdir(exist_ok=True)
     for name in EXAMPLES:
         picture = PICTURES / f"{name}.png"

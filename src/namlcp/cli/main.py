@@ -1,10 +1,9 @@
-"""Solve a problem file, run an example, or tell what is installed.
+"""Solve a problem file, or tell what is installed.
 
 Without a command: four scenes, beside OSQP if it is installed.
 """
 
 import argparse
-import inspect
 import json
 import os
 import platform
@@ -19,7 +18,6 @@ import qpsolvers
 
 import namlcp
 from namlcp.cli.demonstration import compare, demonstrate
-from namlcp.cli.examples import EXAMPLES, show_example
 from namlcp.cli.files import read_problem
 from namlcp.options import RELAXATIONS, Options
 
@@ -150,7 +148,7 @@ def parser_of_arguments() -> argparse.ArgumentParser:
     title = f"namlcp {namlcp.__version__}"
     parser.add_argument("--version", action="version", version=title)
     parser.add_argument("--warmup", action="store_true", help=argparse.SUPPRESS)
-    commands = parser.add_subparsers(dest="command", metavar="solve | example | info")
+    commands = parser.add_subparsers(dest="command", metavar="solve | info")
     solve = commands.add_parser("solve", help="solve a problem file", epilog=FILES)
     solve.add_argument("file", metavar="FILE")
     add_options(solve)
@@ -158,10 +156,6 @@ def parser_of_arguments() -> argparse.ArgumentParser:
     solve.add_argument("--json", action="store_true", help="print one JSON object")
     solve.add_argument("--output", metavar="FILE.npz", help="save the arrays")
     solve.add_argument("--compare", metavar="NAMES", help="e.g. osqp,piqp")
-    example = commands.add_parser("example", help=f"one of {', '.join(EXAMPLES)}")
-    example.add_argument("name", choices=EXAMPLES, metavar="NAME")
-    example.add_argument("--picture", metavar="FILE", help="draw it into this file")
-    example.add_argument("--source", action="store_true", help="print its code")
     commands.add_parser("info", help="versions and machine")
     return parser
 
@@ -177,9 +171,4 @@ def main(arguments: list[str] | None = None) -> int:
         return demonstrate()
     if command == "info":
         return show_info()
-    if command == "solve":
-        return solve_file(args.pop("file"), args)
-    if args["source"]:
-        print(inspect.getsource(EXAMPLES[args["name"]][1]), end="")
-        return 0
-    return show_example(args["name"], args["picture"])
+    return solve_file(args.pop("file"), args)

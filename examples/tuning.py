@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from examples.lasso import FEATURES, regression
 from namlcp import Solver, Status
-from namlcp.cli.examples.lasso import FEATURES, regression
 
 KEPT = 50  # samples to learn from; the others are for validation
 STEPS, RATE = 25, 0.4

@@ -3,33 +3,32 @@
 import numpy as np
 import pytest
 
-from namlcp.cli import main
-from namlcp.cli.examples import EXAMPLES, discs, frontier, lasso, pendulum, tuning
+from examples import (
+    EXAMPLES,
+    discs,
+    frontier,
+    lasso,
+    pendulum,
+    show_example,
+    tuning,
+)
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_examples_are_solved_and_drawn(name, tmp_path, capsys):
     pytest.importorskip("matplotlib")
     picture = tmp_path / "picture.png"
-    assert main(["example", name, "--picture", str(picture)]) == 0
+    assert show_example(name, str(picture)) == 0
     assert picture.stat().st_size > 10_000
     assert EXAMPLES[name][0] in capsys.readouterr().out
 
 
 def test_an_example_needs_no_matplotlib(capsys, monkeypatch):
-    monkeypatch.setattr("namlcp.cli.examples.find_spec", lambda name: None)
-    assert main(["example", "lasso"]) == 0
+    monkeypatch.setattr("examples.find_spec", lambda name: None)
+    assert show_example("lasso", None) == 0
     assert "--picture" in capsys.readouterr().out
-    assert main(["example", "lasso", "--picture", "x.png"]) == 2
+    assert show_example("lasso", "x.png") == 2
     assert "needs matplotlib" in capsys.readouterr().out
-
-
-def test_an_example_shows_its_source(capsys):
-    assert main(["example", "mpc", "--source"]) == 0
-    assert "def condensed(F" in capsys.readouterr().out
-    with pytest.raises(SystemExit):
-        main(["example", "bridge"])
-    assert "mpc" in capsys.readouterr().err
 
 
 def test_the_descent_ends_near_the_best_penalty():

@@ -1,12 +1,14 @@
 """Examples of sequences of problems, each in a second or two, with a picture.
 
+    python -m examples NAME [--picture FILE]
+
 A module has `run`, which solves, prints what came out and returns a record, and `draw`,
 which draws the record into a figure of matplotlib.
 """
 
 from importlib.util import find_spec
 
-from namlcp.cli.examples import discs, frontier, lasso, membrane, pendulum, tuning
+from examples import discs, frontier, lasso, membrane, pendulum, tuning
 
 EXAMPLES = {
     "mpc": ("a pendulum on a cart, controlled", pendulum),
