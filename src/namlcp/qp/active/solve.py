@@ -187,6 +187,8 @@ def solve_small(
         return None
     m: DenseActiveSet = DenseActiveSet.__new__(DenseActiveSet)
     attach(m, P, G, A, True)
+    if is_copied and m.wanted == NO_WEIGHT:  # few entries: see `route.is_small`
+        return None
     m.vectors, m.q = given, data_of(q)
     if rows > 0:
         m.h = data_of(h)
