@@ -224,6 +224,15 @@ def test_monotone_lcps_of_whole_numbers_are_decided():
     assert 45 < unsolvable < 110
 
 
+def test_no_proof_is_sought_beside_a_solution(monkeypatch):
+    """Proximal steps refine it, as A is nearly singular."""
+    rng = np.random.default_rng(0)
+    X = rng.standard_normal((20, 60))
+    A, q = X.T @ X + 1e-4 * np.eye(60), -X.T @ rng.standard_normal(20)
+    monkeypatch.setattr("namlcp.lcp.pivoting.driver.proof", None)
+    assert_solves_lcp(solve_lcp(A, q, -INF, INF), A, q, -INF, INF)
+
+
 @pytest.mark.parametrize("kind", ["infeasible", "unbounded", "solvable"])
 def test_quadratic_programs_take_few_factorisations(kind):
     for free in (1.0, 0.3, 0.0):

@@ -188,6 +188,16 @@ def test_many_pivots_give_way_to_interior_points():
         assert_solves_qp(qp, found)
 
 
+def test_full_rows_are_condensed_whatever_the_cost_is(monkeypatch):
+    """No other factors are planned; with equations, and with bounds."""
+    monkeypatch.setattr("namlcp.qp.kkt.plan_factors", None)
+    for seed, rank in ((1, 40), (2, 12)):
+        qp = complementary(seed, 40, 60, 4, rank).qp
+        found = by_path(qp)
+        assert found.status is SOLVED
+        assert_solves_qp(qp, found, 1e-8)
+
+
 def test_a_gap_whose_terms_cancel_in_the_data_of_the_user():
     """Without the residuals t = Bx - c, x'Px and q'x are 10^3 times those of the user.
 
