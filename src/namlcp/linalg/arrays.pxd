@@ -3,7 +3,6 @@ from numpy cimport ndarray, npy_intp
 cdef object NO_ENTRIES
 
 cdef bint fits(object value, int ndim)
-cdef object by_rows(object value)
 cdef bint are_places(object value)
 cdef bint _is_clean(object value, int kind, int ndim)
 cdef ndarray new_zeros(npy_intp rows, npy_intp columns)

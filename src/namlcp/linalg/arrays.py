@@ -36,20 +36,6 @@ def _is_clean(value, kind, ndim):
     )
 
 
-def by_rows(value):
-    """Return a float64 matrix stored by columns as a copy by rows, others as given."""
-    if not cnp.PyArray_CheckExact(value):
-        return value
-    array: cnp.ndarray = value
-    is_by_columns: cython.bint = (
-        cnp.PyArray_EquivTypenums(cnp.PyArray_TYPE(array), cnp.NPY_DOUBLE)
-        and cnp.PyArray_NDIM(array) == 2
-        and cnp.PyArray_ISFARRAY_RO(array)
-        and not cnp.PyArray_ISCARRAY_RO(array)
-    )
-    return cnp.PyArray_NewCopy(array, cnp.NPY_CORDER) if is_by_columns else value
-
-
 def new_zeros(rows, columns):
     """Return a matrix of zeros."""
     shape = cython.declare(cnp.npy_intp[2])

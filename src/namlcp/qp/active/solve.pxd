@@ -20,6 +20,7 @@ cdef object result_of(ActiveSet m, object kind, object problem, double start, do
 cdef Py_ssize_t height_of(object C, object d, Py_ssize_t n)
 cdef const double* bound_at(object side, double* place, Py_ssize_t n, double value)
 cpdef int attach(DenseActiveSet m, object P, object G, object A, bint is_single) except -1
+cdef object small_form(object C)
 cdef object tiny_form(object C, Py_ssize_t n)
 cdef bint is_certain(DenseActiveSet m) noexcept nogil
 cdef double norm(const double* v, Py_ssize_t n) noexcept nogil

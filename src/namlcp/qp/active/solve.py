@@ -17,7 +17,6 @@ from cython.cimports.namlcp.limits import Settings
 from cython.cimports.namlcp.linalg.arrays import (
     NO_ENTRIES,
     are_places,
-    by_rows,
     data_of,
     fits,
     new_vector,
@@ -170,8 +169,8 @@ def solve_small(
     given, is_sparse = (P, q, G, h, A, b, lb, ub), not cnp.PyArray_CheckExact(P)
     if is_sparse:
         P, G, A = tiny_form(P, n), tiny_form(G, n), tiny_form(A, n)
-    else:
-        P, G, A = by_rows(P), by_rows(G), by_rows(A)
+    elif n <= MOST_ORDER:
+        P, G, A = small_form(P), small_form(G), small_form(A)
     is_copied: cython.bint = P is not given[0] or G is not given[2] or A is not given[4]
     if G is not None or h is not None:
         rows = height_of(G, h, n)
@@ -213,6 +212,24 @@ def solve_small(
     if keeps and m.code == DONE and not is_sparse:
         result.factors = factors_of(m)
     return result
+
+
+def small_form(C):
+    """Return a small float64 matrix stored by columns as a copy by rows.
+
+    Others as given.
+    """
+    if not cnp.PyArray_CheckExact(C):
+        return C
+    array: cnp.ndarray = C
+    is_by_columns: cython.bint = (
+        cnp.PyArray_EquivTypenums(cnp.PyArray_TYPE(array), cnp.NPY_DOUBLE)
+        and cnp.PyArray_NDIM(array) == 2
+        and cnp.PyArray_DIM(array, 0) <= MOST_ORDER
+        and cnp.PyArray_ISFARRAY_RO(array)
+        and not cnp.PyArray_ISCARRAY_RO(array)
+    )
+    return cnp.PyArray_NewCopy(array, cnp.NPY_CORDER) if is_by_columns else C
 
 
 def tiny_form(C, n):
