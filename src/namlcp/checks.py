@@ -7,6 +7,7 @@ arrays are never changed; those that are clean already are passed on without a c
 
 import functools
 import math
+import operator
 from numbers import Number
 from typing import Any
 
@@ -220,18 +221,17 @@ def sparse_matrix(name: str, value: Any, layout: str) -> Any:
     if value.ndim == 2 and value.format in ("csr", "csc"):
         indptr, indices = places
         data = clean_copy(first(value.data, indptr[-1]), np.float64)
-        indices = first(indices, indptr[-1])
-        is_own = indptr is value.indptr and indices is value.indices
-        if value.format == layout and order == Order.CANONICAL:
-            if is_own and data is value.data:
-                return value  # SciPy takes 13 us to make another
-            wrap = sp.csr_array if layout == "csr" else sp.csc_array
-            refuse_size(name, max(*value.shape, data.size))
-            return from_arrays((indptr, indices, data), value.shape, wrap)
+        parts: Any = indptr, first(indices, indptr[-1]), data
+        is_right = value.format == layout and order == Order.CANONICAL
+        own = value.indptr, value.indices, value.data
+        if is_right and all(map(operator.is_, parts, own)):
+            return value  # SciPy takes 13 us to make another
         refuse_size(name, max(*value.shape, data.size))
-        found = rearranged((indptr, indices, data), value, layout)
-        if found is not None:
-            return found
+        if not is_right:
+            parts = rearranged(parts, value, layout)
+        if parts is not None:
+            wrap = sp.csr_array if layout == "csr" else sp.csc_array
+            return from_arrays(parts, value.shape, wrap)
     refuse_size(name, value.nnz)
     if value.ndim == 1:
         value = value.reshape(1, -1)
@@ -241,7 +241,7 @@ def sparse_matrix(name: str, value: Any, layout: str) -> Any:
 
 
 def rearranged(parts: Any, value: Any, layout: str) -> Any:
-    """Return a CSR or CSC matrix of clean `parts`, sorted; None if it has duplicates.
+    """Return the clean `parts` of a CSR or CSC matrix, sorted; None for duplicates.
 
     Two transpositions sort a matrix, one changes its layout.
     """
@@ -251,10 +251,7 @@ def rearranged(parts: Any, value: Any, layout: str) -> Any:
     if value.format == layout:
         parts = transposed(*parts, major)
         wanted = major, minor
-    if index_order(parts[0], parts[1], *wanted) != Order.CANONICAL:
-        return None
-    wrap = sp.csr_array if layout == "csr" else sp.csc_array
-    return from_arrays(parts, value.shape, wrap)
+    return parts if index_order(*parts[:2], *wanted) == Order.CANONICAL else None
 
 
 @functools.lru_cache(maxsize=16)
