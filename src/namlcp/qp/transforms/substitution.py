@@ -139,7 +139,7 @@ def substitute(qp, last=None, deadline=NEVER):
     check_convex(qp.P, deadline)
     deadline.check()
     priced = cost.nonzero()[0]
-    squared = rest if priced.size == by.size else submatrix(A, by[priced], kept)
+    squared = submatrix(rest, priced, np.arange(kept.size))
     weight = cost[priced] / pivot[priced] ** 2
     P = with_squares(submatrix(P, kept, kept), squared, weight, deadline)
     return Substitution(
