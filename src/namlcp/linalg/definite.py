@@ -7,7 +7,7 @@ from scipy.linalg.lapack import dpotrf
 from scipy.sparse import csc_array
 
 from namlcp.entries import dense_asymmetry, sparse_asymmetry
-from namlcp.limits import NEVER, Deadline
+from namlcp.limits import NEVER, PASS, Deadline
 from namlcp.linalg.csc import as_dense
 from namlcp.linalg.factors import plan_factors
 from namlcp.linalg.sparse_ldl import Factors
@@ -19,7 +19,7 @@ its data to single precision."""
 SYMMETRY_ROUNDING = 1e-14
 """Largest |A - A'|, relative to max |A|, that rounding in double precision explains."""
 
-DENSE_ORDER, FULL_ORDER, FULL = 200, 3000, 0.6
+DENSE_ORDER, FULL_ORDER, FULL = 200, 2000, 0.6
 """Largest order at which a dense Cholesky factorisation tells the signs of pivots: it
 takes 3 to 70 us, a sparse one 35 to 250. Largest one of a triangle that has the part
 FULL of its entries, whose order would take as long."""
@@ -60,6 +60,7 @@ def has_positive_pivots(triangle: csc_array, deadline: Deadline = NEVER) -> bool
     n = triangle.shape[0]
     is_full = n <= FULL_ORDER and 2 * triangle.nnz >= FULL * n * n
     if n <= DENSE_ORDER or is_full:
+        deadline.check(PASS * n * n)  # about as long as it takes, without the clock
         lower = as_dense(triangle).T  # in the order of columns, as LAPACK has it
         return bool(dpotrf(lower, lower=1, clean=0, overwrite_a=1)[1] == 0)
     return positive_factors(triangle, deadline) is not None
