@@ -1,7 +1,5 @@
 """Examples of sequences of problems, each in a second or two, with a picture.
 
-    python -m examples NAME [--picture FILE]
-
 A module has `run`, which solves, prints what came out and returns a record, and `draw`,
 which draws the record into a figure of matplotlib.
 """

@@ -170,11 +170,13 @@ def test_supernodes_hold_the_pattern_of_their_columns(K, sort):
         assert (np.diff(rows) > 0).all()
         assert np.isin(np.flatnonzero(L[:, begin:end].any(axis=1)), rows).all()
         below, above = rows[end - begin :], nodes.parent[s]
-        assert (above < 0) == (below.size == 0)
-        beyond = nodes.rows[nodes.starts[above] : nodes.starts[above + 1]]
-        assert above > s or not below.size
-        assert not below.size or np.isin(below, beyond).all()
-        assert sort is chained or not below.size or node[below[0]] == above
+        if below.size:
+            assert above > s
+            beyond = nodes.rows[nodes.starts[above] : nodes.starts[above + 1]]
+            assert np.isin(below, beyond).all()
+            assert sort is chained or node[below[0]] == above
+        else:
+            assert above == -1
         size = nodes.panels[s + 1] - nodes.panels[s]
         assert size == rows.size * (end - begin)
     assert L.sum() <= nodes.panels[-1] <= max(4 * L.sum(), 100)

@@ -194,7 +194,7 @@ def postorder(parent, comes_last):
     head: cython.int[::1] = constant(size + 1, -1, np.int32)  # the last list: the roots
     following: cython.int[::1] = np.empty(size, np.int32)
     path: cython.int[::1] = np.empty(size + 1, np.int32)
-    for turn in range(2):
+    for turn in range(2):  # what comes last is put into the lists first
         for j in range(size - 1, -1, -1):
             if comes_last[j] + turn == 1:
                 k = parent[j] if parent[j] >= 0 else size
