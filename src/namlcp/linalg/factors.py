@@ -37,10 +37,10 @@ def plan_factors(
     entries are stored, as the last of their columns. Raises OutOfTime.
     """
     order = best_order(indptr, indices, deadline)
-    deadline.check(PASS * order.counts.sum(dtype=np.int64))
+    deadline.check(PASS * order.entries)
     if order.work >= max(HEAVY, HEAVY_ROW * order.parent.size):
         fronts = Fronts(indptr, indices, chained(order), None, STATE.threads)
-        if fronts.stack <= MOST_WAITING * order.counts.sum(dtype=np.int64):
+        if fronts.stack <= MOST_WAITING * order.entries:
             return fronts
     return SparseFactors(indptr, indices, order)
 
@@ -71,9 +71,7 @@ def best_order(indptr: np.ndarray, indices: np.ndarray, deadline: Deadline) -> O
     Less work; the second one is tried only where it may be.
     """
     order = minimum_degree(indptr, indices, deadline)
-    if order.work < DEEP * order.parent.size:
-        return order
-    if order.counts.sum(dtype=np.int64) < FILL * indices.size:
+    if order.work < DEEP * order.parent.size or order.entries < FILL * indices.size:
         return order
     if deadline.reached(DISSECTION * indices.size):
         return order

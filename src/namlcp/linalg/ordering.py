@@ -14,6 +14,7 @@ from typing import NamedTuple
 import cython
 import numpy as np
 from cython import Py_ssize_t
+from cython.cimports.namlcp.linalg.arrays import places
 from scipy.sparse import csc_matrix
 
 from namlcp.checks import constant, refuse_size, transposed
@@ -27,18 +28,15 @@ class Order(NamedTuple):
     """A fill-reducing order in which every column follows its descendants.
 
     place has the new position of every row, parent the elimination tree in new
-    positions, counts the entries of L below the diagonal.
+    positions, counts the entries of L below the diagonal, in all `entries`. work: the
+    multiplications of a factorisation, about half of them in the updates.
     """
 
     place: np.ndarray
     parent: np.ndarray
     counts: np.ndarray
-
-    @property
-    def work(self):
-        """Multiplications of a factorisation, about half of them in the updates."""
-        counts = self.counts.astype(np.float64)
-        return float(counts @ counts)
+    entries: int
+    work: float
 
 
 class Supernodes(NamedTuple):
@@ -93,11 +91,22 @@ def postordered(indptr, indices, place):
 
 def renumbered(place, parent, counts, comes_last):
     """Return an order with the columns postordered; comes_last: after its siblings."""
+    size: Py_ssize_t = place.size
     position = postorder(parent, comes_last)
-    new_parent, new_counts = np.empty((2, place.size), np.int32)
-    new_parent[position[:-1]] = position[parent]
-    new_counts[position[:-1]] = counts
-    return Order(position[place], new_parent, new_counts)
+    new_place, new_parent, new_counts = np.empty((3, size), np.int32)
+    to, old = places(position, size + 1), places(place, size)
+    above, count = places(parent, size), places(counts, size)
+    placed, rooted = places(new_place, size), places(new_parent, size)
+    counted = places(new_counts, size)
+    entries: Py_ssize_t = 0
+    work: cython.double = 0.0
+    for j in range(size):
+        placed[j] = to[old[j]]
+        rooted[to[j]] = to[above[j]] if above[j] >= 0 else -1
+        counted[to[j]] = count[j]
+        entries += count[j]
+        work += cython.cast(cython.double, count[j]) * count[j]
+    return Order(new_place, new_parent, new_counts, entries, work)
 
 
 def chained(order):
@@ -107,7 +116,7 @@ def chained(order):
     siblings, as columns under dense rows are, become a chain with what is full below
     each: so they may join one supernode, with explicit zeros.
     """
-    place, parent, counts = order
+    place, parent, counts, _, _ = order
     is_full = (parent >= 0) & (counts == counts[parent] + 1)
     number = np.bincount(parent[is_full], minlength=parent.size)  # of full children
     found = (is_full & (number <= 1) & (number[parent] > 1)).nonzero()[0]
@@ -189,8 +198,8 @@ def postorder(parent, comes_last):
     a root.
     """
     size = parent.shape[0]
-    places = constant(size + 1, -1, np.int32)
-    place: cython.int[::1] = places
+    position = constant(size + 1, -1, np.int32)
+    place: cython.int[::1] = position
     head: cython.int[::1] = constant(size + 1, -1, np.int32)  # the last list: the roots
     following: cython.int[::1] = np.empty(size, np.int32)
     path: cython.int[::1] = np.empty(size + 1, np.int32)
@@ -215,7 +224,7 @@ def postorder(parent, comes_last):
                 place[k] = done
                 done += 1
             depth -= 1
-    return places
+    return position
 
 
 def supernodes(indptr, indices, order):

@@ -110,8 +110,7 @@ class SparseFactors(Factors):
     def __init__(self, indptr, indices, order):
         """Lay out L for a matrix K in an `Order`, which has all its rows."""
         Factors.__init__(self, indptr)
-        self.entries = order.counts.sum(dtype=np.int64)
-        self.work = order.work
+        self.entries, self.work = order.entries, order.work
         refuse_size("the factors", self.entries)
         n, entries = self.n, self.entries
         triangle = permuted(indptr, indices, order.place, True)
