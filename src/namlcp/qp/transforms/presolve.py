@@ -20,11 +20,11 @@ from namlcp.entries import constant
 from namlcp.linalg import add_transposed, submatrix, times
 from namlcp.qp.problem import QP, Point
 from namlcp.qp.transforms.repeated import (
-    EMPTY,
     UNWANTED,
     Groups,
     leading_rows,
     merge_rows,
+    wrong_empty_row,
 )
 
 # Largest ub - lb of a fixed variable, relative to max(1, |lb|).
@@ -88,13 +88,8 @@ class Presolved(NamedTuple):
         The two extreme rows of an equation share its y so that b'y does not change.
         """
         y_full, z_full = np.zeros(self.qp.b.size), np.zeros(self.qp.h.size)
-        ratio = self.A_groups.ratio[self.b_of]
-        shared = y / np.abs(ratio).sum(0)
-        for rows, sign in zip(self.b_of, np.sign(ratio), strict=True):
-            y_full[rows] += sign * shared
-        has = self.side_of >= 0
-        rows = self.side_of[has]
-        z_full[rows] = z[has] / np.abs(self.G_groups.ratio[rows])
+        share_out(y, self.b_of, self.A_groups.ratio, y_full)
+        hand_on(z, self.side_of, self.G_groups.ratio, z_full)
         return y_full, z_full
 
     def hold_fixed(self, gradient, y, z):
@@ -146,12 +141,12 @@ def presolve(qp, eps_abs, eps_rel, last=None):
     """
     q, b, h, lb, ub = qp.q, qp.b, qp.h, qp.lb.copy(), qp.ub.copy()
     by, entry = constant(q.size, -1, np.int32), np.empty(q.size)
+    stays = constant(q.size, True, np.bool_)
     fix_by_rows(qp.G.indptr, qp.G.indices, qp.G.data, h, lb, ub, by, entry)
-    column = (by >= 0).nonzero()[0]
-    is_fixed = np.isfinite(lb) & np.isfinite(ub)
-    is_fixed &= ub - lb <= FIXED * np.maximum(1.0, np.abs(lb))
-    fixed = is_fixed.nonzero()[0]
-    kept, x_fixed = (~is_fixed).nonzero()[0], 0.5 * (lb[fixed] + ub[fixed])
+    find_fixed(lb, ub, stays)
+    column, kept = (by >= 0).nonzero()[0], stays.nonzero()[0]
+    fixed = (~stays).nonzero()[0]
+    x_fixed = 0.5 * (lb[fixed] + ub[fixed])
     if fixed.size:
         held = np.zeros(q.size)
         held[fixed] = x_fixed
@@ -174,10 +169,7 @@ def presolve(qp, eps_abs, eps_rel, last=None):
     found = [(text, y, np.zeros(h.size)) for text, y in wrong]
     sides, side_of, wrong = merged("G", G_groups, h, tol)
     found += [(text, np.zeros(b.size), z) for text, z in wrong]
-    # From this b the two extreme rows differ by as much.
-    weight = np.abs(A_groups.ratio[b_of])
-    share = weight[1] / weight.sum(0)
-    b = ends[0] - share * ends.sum(0)
+    b = between(ends, b_of, A_groups.ratio)
     return Presolved(
         qp, P, q, A, b, G, sides, lb, ub, kept, fixed, x_fixed, b_of, side_of, found,
         A_groups, G_groups, (by[column], entry[column], column),
@@ -204,6 +196,40 @@ def fix_by_rows(indptr, indices, data, h, lb, ub, by, entry):
                 by[j], entry[j] = i, data[t]
 
 
+def find_fixed(lb, ub, stays):
+    """Clear the marks of the columns that their bounds fix."""
+    for j in range(lb.shape[0]):
+        if fabs(lb[j]) < INFINITY and fabs(ub[j]) < INFINITY:
+            stays[j] = not ub[j] - lb[j] <= FIXED * max(1.0, fabs(lb[j]))
+
+
+def share_out(y, rows, ratio, full):
+    """Add the multipliers of equations, (p,), to those of their two extreme rows."""
+    for half in range(2):
+        for k in range(rows.shape[1]):
+            i, weight = rows[half, k], fabs(ratio[rows[0, k]]) + fabs(ratio[rows[1, k]])
+            full[i] += y[k] / weight if ratio[i] > 0.0 else -(y[k] / weight)
+
+
+def hand_on(z, rows, ratio, full):
+    """Set the multipliers of the rows that give sides, from those of the sides."""
+    for half in range(2):
+        for k in range(rows.shape[1]):
+            i = rows[half, k]
+            if i >= 0:
+                full[i] = z[half, k] / fabs(ratio[i])
+
+
+def between(ends, rows, ratio):
+    """Return the b from which the two extreme rows of equations differ by as much."""
+    found = np.empty(rows.shape[1])
+    b: cython.double[::1] = found
+    for k in range(rows.shape[1]):
+        own, other = fabs(ratio[rows[0, k]]), fabs(ratio[rows[1, k]])
+        b[k] = ends[0, k] - other / (own + other) * (ends[0, k] + ends[1, k])
+    return found
+
+
 def merged(name, groups, values, tol):
     """Return the sides of each group of rows of A or G, and the rows that give them.
 
@@ -211,8 +237,8 @@ def merged(name, groups, values, tol):
     """
     equal, (number, ratio, first) = name == "A", groups
     found = []
-    wrong = np.abs(values) > tol if equal else (values < -tol) & (values > -np.inf)
-    for i in (wrong & (number == EMPTY)).nonzero()[0][:1]:
+    i = wrong_empty_row(number, values, equal, tol)
+    if i >= 0:
         proof = np.zeros(values.size)
         proof[i] = -np.sign(values[i])
         text = f"row {i} of {name} has no free variable, but the right-hand side"

@@ -43,6 +43,11 @@ def leading_rows(M, columns, wanted):
     number = constant(wanted.size, UNWANTED, np.int32)
     ratio = constant(wanted.size, 1.0)
     rows = wanted.nonzero()[0]
+    if not rows.size:
+        parts = np.zeros(1, np.int32), np.empty(0, np.int32), np.empty(0)
+        return from_arrays(parts, (0, columns.size), csr_array), Groups(
+            number, ratio, rows
+        )
     C = by_rows(submatrix(without_zeros(M), rows, columns))
     key, own, first = np.empty((3, rows.size), np.int32)
     table = constant(1 << (2 * rows.size + 1).bit_length(), -1, np.int32)
@@ -115,6 +120,16 @@ def multiple(indices, data, a, a_end, c, c_end):
         if indices[a + t] != indices[c + t] or not far <= SAME * fabs(data[c + t]):
             return 0.0
     return ratio
+
+
+def wrong_empty_row(number, sides, equal, tol):
+    """Return the first empty row that no x satisfies within tol, or -1."""
+    for i in range(number.shape[0]):
+        if number[i] != EMPTY:
+            continue
+        if (fabs(sides[i]) > tol) if equal else -INFINITY < sides[i] < -tol:
+            return i
+    return -1
 
 
 def merge_rows(number, ratio, sides, equal, tol, least, giver):

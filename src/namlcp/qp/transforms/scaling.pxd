@@ -12,6 +12,7 @@ cdef enum:
 
 cdef double EQUAL, LEAST_FACTOR, MOST_FACTOR, REDUCTION, LARGEST, LEAST_DIVISOR
 
+cdef tuple find_finite(const double[::1] side, Py_ssize_t n, Py_ssize_t p)
 cpdef int equilibrate(object indptr, object indices, object data, object scale) except -1
 cdef void equilibrate_parts(
     const Matrix* P, const Matrix* A, const Matrix* G, Py_ssize_t n, Py_ssize_t p, Py_ssize_t m,

@@ -15,7 +15,7 @@ are divided by `unit`.
 import cython
 import numpy as np
 from cython import Py_ssize_t
-from cython.cimports.libc.math import exp, fabs, log, sqrt
+from cython.cimports.libc.math import INFINITY, exp, fabs, log, sqrt
 from cython.cimports.namlcp.linalg.arrays import numbers, places
 from cython.cimports.namlcp.linalg.vectors import copy, dot, fill
 
@@ -48,7 +48,7 @@ class ScaledQP:
 
     def __init__(self, small, last=None):
         """Scale the presolved problem; the matrices of `last` are not scaled again."""
-        n, p, rows = small.q.size, small.b.size, small.sides.shape[1]
+        n, p = small.q.size, small.b.size
         self.small = small
         self.kkt: KKT
         self.scale: np.ndarray
@@ -66,12 +66,8 @@ class ScaledQP:
                 even_out(*matrix, self.scale)
             equilibrate(*matrix, self.scale)
         side = np.concatenate((small.sides.ravel(), small.ub, -small.lb))
-        at = np.arange(n + p + rows, dtype=np.int32)
-        place = np.concatenate((at[n + p :], at[n + p :], at[:n], at[:n]))
-        sign = constant(2 * (rows + n), 1.0)
-        sign[rows : 2 * rows] = sign[2 * rows + n :] = -1.0
-        finite = self.finite = np.isfinite(side).nonzero()[0]
-        self.place, self.sign, self.side = place[finite], sign[finite], side[finite]
+        self.finite, self.place, self.sign = find_finite(side, n, p)
+        self.side = side[self.finite]
         self.scale_vectors()
 
     def scale_vectors(self):
@@ -115,6 +111,28 @@ class ScaledQP:
         row = self.place >= self.n + self.p
         self.b = t[self.n : self.n + self.p].copy()
         self.c = np.where(row, np.maximum(self.c, self.sign * t[self.place]), self.c)
+
+
+def find_finite(side, n, p):
+    """Return the numbers of the finite ones of all sides, their places and signs."""
+    size = side.shape[0]
+    width, numbers = size // 2 - n, np.empty(size, np.intp)
+    places, signs = np.empty(size, np.int32), np.empty(size)
+    number: Py_ssize_t[::1] = numbers
+    place: cython.int[::1] = places
+    sign: cython.double[::1] = signs
+    count: Py_ssize_t = 0
+    for i in range(size):
+        if not fabs(side[i]) < INFINITY:
+            continue
+        j, first, length = i, n + p, width
+        if i >= 2 * width:  # a bound
+            j, first, length = i - 2 * width, 0, n
+        number[count] = i
+        place[count] = first + (j if j < length else j - length)
+        sign[count] = 1.0 if j < length else -1.0
+        count += 1
+    return numbers[:count], places[:count], signs[:count]
 
 
 def equilibrate(indptr, indices, data, scale):
