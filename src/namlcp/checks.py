@@ -22,6 +22,7 @@ from namlcp.entries import (
     has_huge,
     index_order,
     is_bad,
+    narrowed,
     refuse_size,
     transposed,
 )
@@ -190,8 +191,7 @@ def narrow(indices: np.ndarray) -> np.ndarray | None:
         return indices
     if indices.dtype.kind not in "iu":
         return None
-    found = indices.astype(INDEX, order="C")
-    return found if (found == indices).all() else None
+    return narrowed(np.ascontiguousarray(indices, np.int64))
 
 
 def has_clean_arrays(value: Any) -> bool:

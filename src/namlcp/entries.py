@@ -109,6 +109,17 @@ def index_order(indptr, indices, major, minor):
     return order
 
 
+def narrowed(indices):
+    """Return indices of 64 bits in 32, None if one does not fit."""
+    found = np.empty(indices.shape[0], np.int32)
+    short: cython.int[::1] = found
+    for t in range(indices.shape[0]):
+        short[t] = indices[t]
+        if short[t] != indices[t]:
+            return None
+    return found
+
+
 def transposed(indptr, indices, data, rows):
     """Return (indptr, indices, data) of M' for M in CSC with that many rows."""
     end = indptr[indptr.shape[0] - 1]

@@ -179,9 +179,16 @@ class Judge:
 
 
 def are_own(given, qp):
-    """Tell whether (P, G, A) as they came are the very matrices of the QP."""
-    P, G, A = given
-    return P is qp.P and (G is None or G is qp.G) and (A is None or A is qp.A)
+    """Tell whether (P, G, A) as they came have the entries of the QP, as it has them.
+
+    They are its very matrices, or in CSC with its values and other types of indices.
+    """
+    for M, own in zip(given, (qp.P, qp.G, qp.A), strict=True):
+        if M is None or M is own:
+            continue
+        if getattr(M, "format", "") != "csc" or M.data is not own.data:
+            return False
+    return True
 
 
 def as_stored(given, own):
