@@ -233,7 +233,7 @@ def large_terms():
 
 
 def spread(n=360, m=720):
-    """n + m > 900: BLAS prepares the responses to the rows violated at first."""
+    """BLAS prepares the responses to all rows: n + m > 500, and many are violated."""
     rng = np.random.default_rng(1)
     B, G, x = (rng.standard_normal(k) for k in ((2 * n, n), (m, n), n))
     z = np.where(rng.random(m) < 0.2, 10.0 * rng.random(m), 0.0)

@@ -176,7 +176,7 @@ GIVEN = {
     "namlcp.linalg.sparse_ldl": SimpleNamespace(Factors=None, as_array=None),
     "namlcp.linalg.blas": SimpleNamespace(
         blas_dot=dot, blas_times=blas_times, cholesky=None, invert_lower=None,
-        times=None, times_transposed=None,
+        times_lower=None, gram=None,
         blas_times_transposed=blas_times_transposed,
     ),
 }  # fmt: skip

@@ -26,8 +26,8 @@ from cython.cimports.namlcp.linalg.arrays import indices, numbers, places, signs
 from cython.cimports.namlcp.linalg.blas import (
     cholesky,
     cholesky_solve,
+    gram,
     solve_rows,
-    times_transposed,
 )
 from cython.cimports.namlcp.linalg.dense import (
     add_times_transposed,
@@ -239,7 +239,7 @@ def factor(m):
     if not has_factor(m.L, n, m.work):
         return False
     solve_rows(m.L, n, m.V, k)
-    times_transposed(m.V, m.V, m.S, k, k, n)
+    gram(m.V, k, n, n, m.S, k)
     return has_factor(m.S, k, m.work)
 
 

@@ -7,7 +7,13 @@ passed on by its address.
 import cython
 from cython import address, cast, p_double
 from cython.cimports.namlcp.linalg.vectors import fill
-from cython.cimports.scipy.linalg.cython_blas import ddot, dgemm, dgemv, dtrsm
+from cython.cimports.scipy.linalg.cython_blas import (
+    ddot,
+    dgemv,
+    dsyrk,
+    dtrmm,
+    dtrsm,
+)
 from cython.cimports.scipy.linalg.cython_lapack import (
     dgetrf,
     dgetrs,
@@ -99,6 +105,19 @@ def solve_rows(L, n, X, count):
         )  # fmt: skip
 
 
+def times_lower(X, count, width, V, n, letter):
+    """Overwrite `count` rows X of n numbers by X V ("N") or X V' ("T"), V lower.
+
+    They begin `width` numbers apart.
+    """
+    one: cython.double = 1.0
+    if n > 0 and count > 0:
+        dtrmm(
+            b"L", b"U", address(letter), b"N", address(n), address(count),
+            address(one), cast(p_double, V), address(n), X, address(width),
+        )  # fmt: skip
+
+
 def invert_lower(L, n):
     """Overwrite a lower triangle by its inverse."""
     info: cython.int = 0
@@ -106,22 +125,15 @@ def invert_lower(L, n):
         dtrtri(b"U", b"N", address(n), L, address(n), address(info))
 
 
-def _multiply(letter, A, B, C, rows, columns, inner, width):
+def gram(X, rows, n, width_X, W, width_W):
+    """Set the lower triangle of W = X X' for X (rows, n).
+
+    The rows of X and W begin so many numbers apart.
+    """
     one: cython.double = 1.0
     zero: cython.double = 0.0
-    if rows > 0 and columns > 0 and inner > 0:
-        dgemm(
-            address(letter), b"N", address(columns), address(rows), address(inner),
-            address(one), cast(p_double, B), address(width), cast(p_double, A),
-            address(inner), address(zero), C, address(columns),
+    if rows > 0 and n > 0:
+        dsyrk(
+            b"U", b"T", address(rows), address(n), address(one), cast(p_double, X),
+            address(width_X), address(zero), W, address(width_W),
         )  # fmt: skip
-
-
-def times_transposed(A, B, C, rows, columns, inner):
-    """Set C = A B' for A (rows, inner) and B (columns, inner)."""
-    _multiply(b"T", A, B, C, rows, columns, inner, inner)
-
-
-def times(A, B, C, rows, columns, inner):
-    """Set C = A B for A (rows, inner) and B (inner, columns)."""
-    _multiply(b"N", A, B, C, rows, columns, inner, columns)

@@ -24,6 +24,7 @@ cdef double CONTRADICTED, LEFT, LESS_RHO, MORE_RHO
 cdef enum:
     MOST_EQUATIONS = 2
     MOST_ROWS = 2
+    MANY = 8
 
 cdef bint set_up(DenseActiveSet m) noexcept nogil
 cdef bint is_sound(DenseActiveSet m) noexcept nogil

@@ -17,12 +17,11 @@ In place of a P without a good factor is P + W, with W, and the QP is solved as 
 import cython
 from cython import Py_ssize_t
 from cython.cimports.libc.math import INFINITY, NAN, fabs, sqrt
-from cython.cimports.libc.stdlib import free, malloc
 from cython.cimports.namlcp.linalg.blas import (
     cholesky,
+    gram,
     invert_lower,
-    times,
-    times_transposed,
+    times_lower,
 )
 from cython.cimports.namlcp.linalg.dense import (
     add_times_transposed,
@@ -92,7 +91,8 @@ CONTRADICTED, LEFT = 1e-9, 1e-11
 # were too large.
 LESS_RHO, MORE_RHO = 1e-2 * RHO, 1e2 * RHO
 # MOST_EQUATIONS: most equations for a variable, and for two more. MOST_ROWS: most rows
-# for a variable for which responses are made before they are asked for.
+# for a variable for which responses are made before they are asked for, if more than
+# one of MANY is violated.
 
 
 class DenseActiveSet(ActiveSet):
@@ -329,33 +329,29 @@ def set_unit_load(m, row, rhs):
 
 
 def prepare(m):
-    """Make the responses to the rows of G violated without constraints, at once.
+    """Make the responses to all rows of G at once, if many are violated at the base.
 
-    They mostly enter sooner or later. One by one their responses would be limited by
-    the speed of memory.
+    Most of those enter sooner or later, and others do, too. One by one the speed of
+    memory would limit them.
     """
-    n, k, rows = m.n, cython.cast(Py_ssize_t, 0), m.active
-    if m.p > 0 or m.m > MOST_ROWS * n:
+    n, rows, length = m.n, m.m, m.length
+    if m.p > 0 or rows > min(MOST_ROWS * n, m.capacity):
         return
     set_base_values(m)
-    for i in range(m.m):
-        if m.s0[i] > m.h[i] and k < m.most:
-            rows[k] = i
-            k += 1
-    space = cython.cast(cython.p_double, malloc(8 * k * (2 * n + m.m) + 8))
-    if space == cython.NULL:  # they are made one by one
+    violated: Py_ssize_t = 0
+    for i in range(rows):
+        violated += m.s0[i] > m.h[i]
+    if MANY * violated <= rows:
         return
-    C, H, W = space, space + k * n, space + 2 * k * n
-    for i in range(k):
-        copy(m.G + rows[i] * n, C + i * n, n)
-    times_transposed(C, m.factor, H, k, n, n)
-    times(H, m.factor, C, k, n, n)
-    times_transposed(C, m.G, W, k, m.m, n)
-    for i in range(k):
-        values = claim_place(m, rows[i])
-        copy(W + i * m.m, values, m.m)
-        copy(C + i * n, values + m.m, n)
-    free(space)
+    for i in range(rows):
+        copy(m.G + i * n, claim_place(m, i) + rows, n)
+    W, U = m.responses, m.responses + rows  # G P^-1 G' and G P^-1, side by side
+    times_lower(U, rows, length, m.factor, n, b"T")
+    gram(U, rows, n, length, W, length)
+    times_lower(U, rows, length, m.factor, n, b"N")
+    for i in range(rows):
+        for j in range(i):
+            W[j * length + i] = W[i * length + j]
 
 
 # ---- a whole solve

@@ -3,7 +3,7 @@ from namlcp.qp.active.dense cimport DenseActiveSet
 from namlcp.qp.active.engine cimport ActiveSet
 
 cpdef enum:
-    MOST_ORDER = 900
+    MOST_ORDER = 500
     MOST_BOX = 50
     MOST_LINEAR = 90
     FEW_ENTRIES = 10_000
