@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy import sparse
 
-from namlcp.lcp.multigrid.kernels import residual_vector, unlike_rows
+from namlcp.lcp.multigrid.kernels import residual_vector
 from namlcp.lcp.multigrid.vcycle import Level, VCycle
 from namlcp.lcp.prepared import Prepared
 from namlcp.limits import NEVER, Deadline
@@ -35,7 +35,8 @@ from namlcp.linalg.csc import Compressed, arrays_of
 MAX_COARSE, MAX_DENSE, MAX_LEVELS = 50, 500, 30
 # Fraction of rows, at most, whose positive couplings exceed half the negative ones:
 # discretised differential equations have up to 0.02, contact problems from 0.09.
-UNLIKE = 0.03
+# Couplings relative to the diagonal that are rounding.
+UNLIKE, NO_COUPLING = 0.03, 1e-14
 # Entries at most: of a row, on average; of all coarse levels, as a multiple of A's.
 MOST_ROW_ENTRIES, MOST_COARSE_ENTRIES = 100, 6.0
 # Convergence rate of the V-cycle up to which no second pass is tried, and above which
@@ -98,8 +99,14 @@ def suits(A: Any) -> bool:
     """Tell whether a_ii > 0, rows are short and most couplings are negative."""
     if A.indices.dtype != np.int32 or A.nnz > MOST_ROW_ENTRIES * A.shape[0]:
         return False
-    count = unlike_rows(arrays_of(A), np.empty(A.shape[0]))
-    return 0 <= count <= UNLIKE * A.shape[0]
+    d = A.diagonal()
+    if not (d > 0.0).all():
+        return False
+    x = 1.0 / np.sqrt(d)
+    # the negative couplings and twice the positive ones, scaled to a unit diagonal
+    couplings = 1.5 * (A @ x) + 0.5 * (abs(A) @ x) - 2.0 * d * x
+    wrong = np.count_nonzero(couplings > NO_COUPLING * d * x)
+    return bool(wrong <= UNLIKE * d.size)
 
 
 def hierarchy_of(matrix: Prepared, deadline: Deadline = NEVER) -> Hierarchy | None:

@@ -3,7 +3,6 @@ from namlcp.linalg.csc cimport Columns
 cdef double VANISHED
 
 cdef Columns rows_of(object M, Py_ssize_t n) except *
-cpdef Py_ssize_t unlike_rows(object matrix, double[::1] root) except -2
 cpdef void residual_vector(object matrix, const double[::1] q, const double[::1] z, double[::1] w)
 cpdef Py_ssize_t mark_free(const double[::1] d, const double[::1] z, const double[::1] lower, const double[::1] upper, double[::1] dinv) noexcept
 cpdef void descend(object matrix, const int[::1] diagonal, object interpolation, const double[::1] dinv, const double[::1] b, double[::1] x, double[::1] coarse)

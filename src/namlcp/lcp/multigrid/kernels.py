@@ -27,33 +27,6 @@ def rows_of(M, n):
     return rows
 
 
-def unlike_rows(matrix, root):
-    """Return in how many rows the positive couplings exceed half the negative ones.
-
-    Their sums are those of the matrix scaled to a unit diagonal; root (n,) is work. The
-    return value is -1 if a diagonal entry is not positive.
-    """
-    n = root.shape[0]
-    A = rows_of(matrix, n)
-    for i in range(n):
-        d = 0.0
-        for k in range(A.indptr[i], A.indptr[i + 1]):
-            if A.indices[k] == i:
-                d = A.data[k]
-        if not d > 0.0:
-            return -1
-        root[i] = sqrt(d)
-    count: cython.Py_ssize_t = 0
-    for i in range(n):
-        total = 0.0  # of the negative ones and twice the positive ones
-        for k in range(A.indptr[i], A.indptr[i + 1]):
-            a = A.data[k]
-            if A.indices[k] != i:
-                total += (a if a < 0.0 else 2.0 * a) / root[A.indices[k]]
-        count += total > 0.0
-    return count
-
-
 def residual_vector(matrix, q, z, w):
     """Write w = A z + q."""
     n = w.shape[0]
