@@ -52,14 +52,8 @@ class Prepared:
     [[1.333333, 2.333333], [2.5, 0.0]]
     """
 
-    levels: Any = None  # its `Hierarchy`, see `hierarchy_of`
+    levels: Any = None  # its `Hierarchy`, False if there is none, see `hierarchy_of`
     last: np.ndarray | None = None  # the last solution that pivoting found
-    unsuited = False  # whether A is known not to suit multigrid cycles
-    # Every solve reads these; the lock of cached_property would take longer than they.
-    _diagonal: np.ndarray | None = None
-    _slopes: np.ndarray | None = None
-    _columns: Columns | None = None
-    _stamp: int | None = None
 
     def __init__(self, A: Any, diagonal: Any = None):
         if isinstance(A, LinearOperator):
@@ -99,25 +93,19 @@ class Prepared:
         rows = np.empty((5, n))
         return rows if read_rows(*arrays_of(A), rows) else None
 
-    @property
+    @cached_property
     def diagonal(self) -> np.ndarray:
-        if self._diagonal is None:
-            self._diagonal = self.A.diagonal()
-        return self._diagonal
+        return self.A.diagonal()
 
-    @property
+    @cached_property
     def slopes(self) -> np.ndarray:
         """diag(A), 1 where that is not positive: the scaling, and Omega of s."""
-        if self._slopes is None:
-            self._slopes = np.where(self.diagonal > 0.0, self.diagonal, 1.0)
-        return self._slopes
+        return np.where(self.diagonal > 0.0, self.diagonal, 1.0)
 
-    @property
+    @cached_property
     def stamp(self) -> int:
         """The hash of the entries of A when it was first asked for."""
-        if self._stamp is None:
-            self._stamp = self.stamp_now()
-        return self._stamp
+        return self.stamp_now()
 
     def stamp_now(self) -> int:
         return stamp_of_arrays((self.A.data if self.is_sparse else self.A,))
@@ -152,11 +140,9 @@ class Prepared:
             return sparse.csr_array(A) if sparse_enough else A
         return A.toarray() if n <= DENSE_ORDER or A.nnz >= SPARSE * n * n else A
 
-    @property
+    @cached_property
     def columns(self) -> Columns:
-        if self._columns is None:
-            self._columns = columns_of(self.A, self.symmetric)
-        return self._columns
+        return columns_of(self.A, self.symmetric)
 
     @cached_property
     def dominance(self) -> float:

@@ -114,14 +114,11 @@ def hierarchy_of(matrix: Prepared, deadline: Deadline = NEVER) -> Hierarchy | No
 
     None: A does not suit, or the deadline came first; then nothing is kept.
     """
-    levels = matrix.levels  # read once, as another thread may set it
-    if levels is None and not matrix.unsuited:
+    if matrix.levels is None:
         levels = build(sparse.csr_array(matrix.A), matrix.symmetric, deadline)
-        if levels is not None:
-            matrix.levels = levels
-        elif not deadline.reached():
-            matrix.unsuited = True
-    return levels
+        if levels is not None or not deadline.reached():
+            matrix.levels = levels or False
+    return matrix.levels or None
 
 
 def build(A: Any, symmetric: bool, deadline: Deadline = NEVER) -> Hierarchy | None:
