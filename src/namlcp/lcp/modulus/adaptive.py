@@ -103,35 +103,34 @@ class AdaptiveStep(Step):
 
     def __init__(self, lcp: LCP, name: str, parameters: Parameters):
         """Check the other parameters."""
-        self.lcp, self.method = lcp, SWEEPS[name]
+        self.lcp, self.method, matrix = lcp, SWEEPS[name], lcp.matrix
         D = self.D = positive_diagonal(lcp.A, name)
+        alpha, beta, omega, shift = parameters
         if self.method.factored and self.method.own:  # E is D, not I
-            shift = diagonal_of("shift", parameters.shift, D.size, D)
-            parameters = parameters._replace(shift=shift)
-        alpha, beta, omega, _ = parameters
-        chosen = {"alpha": isinstance(alpha, str), "omega": isinstance(omega, str)}
-        unset = {key: None for key in chosen if chosen[key]}
-        checked = checked_parameters(lcp.A, name, parameters._replace(**unset))
-        self.given_alpha = None if chosen["alpha"] else checked.alpha
-        self.given_omega = checked.omega if omega is not None else None
-        self.omega_is_free = chosen["omega"]
+            shift = diagonal_of("shift", shift, D.size, D)
+        own_alpha, self.omega_is_free = isinstance(alpha, str), isinstance(omega, str)
+        given = (
+            None if own_alpha else alpha,
+            beta,
+            None if self.omega_is_free else omega,
+        )
+        checked = checked_parameters(lcp.A, name, Parameters(*given, shift))
+        self.given_alpha = None if own_alpha else checked.alpha
+        self.given_omega = None if given[2] is None else checked.omega
         self.beta = self.method.beta if beta is None else checked.beta
         self.shift = checked.shift
         self.e = 0.0 if self.shift is None else mean(self.shift / D)
-        matrix = lcp.matrix
         self.C = matrix.A if matrix.symmetric else symmetric_form(matrix.A)
         self.root = matrix.root
         rows = (abs(self.C) @ (1.0 / self.root)) / self.root - 1.0
         self.row_sum = float(np.max(rows, initial=0.0))
         self.low = max(1.0 - self.row_sum, FIRST_LEAST)
         self.high, self.above = 1.0 + self.row_sum, 0.0
-        self.free, self.is_sharp = np.empty(0, dtype=bool), False
-        self.products = 0
+        self.free, self.is_sharp = np.zeros(D.size, dtype=bool), False
         self.scale, self.shrink = 1.0, SHRINK  # factors of P: so far, and the next one
         self.raised = 1.1  # the next one by which P is raised
-        self.k, self.retries = 0, 0
+        self.k = self.retries = self.products = 0
         self.before, self.least = np.empty(0), math.inf
-        self.all_free = False
         self.alpha, self.omega = self.choice()
         self.step: Any = self.build(self.alpha, self.omega)
 
@@ -145,14 +144,12 @@ class AdaptiveStep(Step):
 
         old[S] is overwritten if Omega changes.
         """
-        z = old[Z]
-        k, self.k = self.k, self.k + 1
+        z, k = old[Z], self.k
+        self.k += 1
         doubled = k > 0 and k & (k - 1) == 0
         grows = k >= FROM and k % EVERY == 0 and self.grows(z - self.before)
         if doubled:
-            free = (z > self.lcp.lower) & (z < self.lcp.upper)
-            self.all_free = bool(free.all())
-            self.estimate(free, z - self.before)
+            self.estimate((z > self.lcp.lower) & (z < self.lcp.upper), z - self.before)
             if k >= FROM and not self.method.factored and self.weight(1.0)[0] < 2.0:
                 self.scale *= self.shrink
         if doubled or grows:
@@ -197,17 +194,25 @@ class AdaptiveStep(Step):
 
     def choice(self) -> tuple[float, np.ndarray]:
         """Return alpha and the diagonal of Omega."""
-        D, alpha = self.D, self.given_alpha
+        D, alpha, omega = self.D, self.given_alpha, self.given_omega
+        reflected = self.method.reflected
         if self.method.factored:
             c = self.factored_c()
             if alpha is None:  # Omega = alpha I
                 return 1.0, np.full_like(D, c * math.exp(mean(np.log(D))))
             return 1.0, c * D
-        if not self.omega_is_free:
-            return self.alpha_for(self.given_omega)
         if alpha is None:
             alpha = self.free_alpha()
-        return alpha, self.best_c(alpha) * D
+        if self.omega_is_free:
+            return alpha, self.best_c(alpha) * D
+        x = self.best_p(self.weight(alpha)[0]) - self.e  # 1/alpha + c
+        if omega is not None:
+            x -= mean(omega / D)
+        else:  # c = 1/alpha or 1/(2 alpha^2)
+            x = x / 2.0 if reflected else math.sqrt(max(1.0 + 2.0 * x, 1.0)) - 1.0
+        alpha = min(1.0 / max(x, 1e-9), 1.999)
+        c = 1.0 / alpha if reflected else 0.5 / (alpha * alpha)
+        return alpha, c * D if omega is None else omega
 
     def weight(self, alpha: float) -> tuple[float, float]:
         """Return g = G + H in [0, MOST_G] and G >= 0."""
@@ -236,21 +241,6 @@ class AdaptiveStep(Step):
         t = 1.0 / alpha + self.e
         return max(self.best_p(g) - t, SMALL_C, self.least_c(t, g, G))
 
-    def alpha_for(self, omega: np.ndarray | None) -> tuple[float, np.ndarray]:
-        """Return the best alpha for a given Omega, or for the default one (None)."""
-        x = self.best_p(self.weight(self.free_alpha())[0]) - self.e  # 1/alpha + c
-        if omega is not None:
-            x -= mean(omega / self.D)
-        elif self.method.reflected:  # c = 1/alpha
-            x /= 2.0
-        else:  # c = 1/(2 alpha^2)
-            x = math.sqrt(max(1.0 + 2.0 * x, 1.0)) - 1.0
-        alpha = min(1.0 / max(x, 1e-9), 1.999)
-        if omega is None:
-            c = 1.0 / alpha if self.method.reflected else 0.5 / (alpha * alpha)
-            omega = c * self.D
-        return alpha, omega
-
     def factored_c(self) -> float:
         """Return c for a method with M = A."""
         a, b = self.low, self.high
@@ -272,7 +262,7 @@ class AdaptiveStep(Step):
 
     def least_c(self, t: float, g: float, G: float) -> float:
         """Return the least c for the rows at their bounds, by bisection; p = t + c."""
-        if self.all_free or G == 0.0:
+        if self.free.all() or G == 0.0:
             return 0.0
         low, high = 0.0, t
         for _ in range(30):
@@ -288,9 +278,9 @@ class AdaptiveStep(Step):
 
         The last `change` of z is rich in the eigenvectors of small eigenvalues.
         """
-        if self.row_sum <= CERTAIN or not free.any():
-            return
-        if self.is_sharp and np.array_equal(free, self.free):
+        is_known = self.is_sharp and np.array_equal(free, self.free)
+        self.free = free
+        if is_known or self.row_sum <= CERTAIN or not free.any():
             return
         if self.above == 0.0:
             everything = np.ones_like(free)
@@ -298,7 +288,7 @@ class AdaptiveStep(Step):
         low, high, error = self.ritz_values(free, change, LANCZOS)
         self.low = max(low, 1.0 - self.row_sum, LEAST)
         self.high = min(high, 1.0 + self.row_sum)
-        self.free, self.is_sharp = free, error < SETTLED * low
+        self.is_sharp = error < SETTLED * low
 
     def ritz_values(
         self, free: np.ndarray, change: np.ndarray, steps: int
