@@ -1,11 +1,10 @@
 cdef double SIGN_ROUNDING, SAME_PIVOT
 
-# Faces at most; unknowns times faces between two checks of the deadline, about 20 ms.
+# Faces at most.
 cpdef enum:
     MOST_FACES = 50
-    UNKNOWNS = 1_000_000
 
-# How `solve_faces` ends. ROUNDED: every sign is right, but the residual is not.
+# What `solve_face` returns. ROUNDED: every sign is right, but the residual is not.
 cdef enum:
     SOLVED
     MORE
@@ -14,7 +13,7 @@ cdef enum:
 
 cdef class Faces:
     cdef:
-        Py_ssize_t n, faces
+        Py_ssize_t n
         const double *below
         const double *diagonal
         const double *above
@@ -37,5 +36,5 @@ cdef class Faces:
 cdef Py_ssize_t eliminate(Faces m) noexcept nogil
 cdef void clip_into_box(Faces m, double* z, double* w) noexcept nogil
 cdef void set_residuals(Faces m, const double* z, const double* w) noexcept nogil
-cdef void begin(Faces m) noexcept nogil
-cdef int solve_faces(Faces m, Py_ssize_t budget) noexcept nogil
+cdef int begin(Faces m) noexcept nogil
+cdef int solve_face(Faces m) noexcept nogil

@@ -116,12 +116,19 @@ def set_residuals(m, z, w):
 
 
 def begin(m):
-    """Take clip(0) as best point, and the states after a step of Jacobi from z."""
+    """Take clip(0) as best point, and the states after a step of Jacobi from z.
+
+    Tell whether clip(0) is a solution, then in z, too.
+    """
     fill(m.best_z, 0.0, m.n)
     clip_into_box(m, m.best_z, m.best_w)
     set_residuals(m, m.best_z, m.best_w)
     m.size = m.least = m.scaled
     m.slack = max(SIGN_ROUNDING, 0.01 * m.eps_rel / sqrt(m.n)) * m.size
+    if m.size == 0.0:
+        copy(m.best_z, m.z, m.n)
+        copy(m.best_w, m.w, m.n)
+        return SOLVED
     clip_into_box(m, m.z, m.w)
     for i in range(m.n):
         s = m.z[i] - m.w[i] * (m.root[i] * m.root[i])
@@ -130,37 +137,30 @@ def begin(m):
             m.state[i] += 1
         if s <= m.lower[i]:
             m.state[i] -= 1
+    return MORE
 
 
-def solve_faces(m, budget):
-    """Begin if no face has been solved, else go on; return how it ended.
+def solve_face(m):
+    """Solve the face; return MORE where there is a next one, else how it ended.
 
-    That is MORE after `budget` faces. Then z and w are the solution, or best_z and
-    best_w the best point so far.
+    With SOLVED and ROUNDED z and w are the solution; best_z and best_w are the best
+    point so far.
     """
-    if m.faces == 0:
-        begin(m)
-        if m.size == 0.0:
-            copy(m.best_z, m.z, m.n)
-            copy(m.best_w, m.w, m.n)
+    wrong = eliminate(m)
+    if wrong < 0:
+        return STUCK
+    if not m.inside:
+        clip_into_box(m, m.z, m.w)
+    set_residuals(m, m.z, m.w)
+    if wrong == 0:
+        goal = m.eps_rel * m.size
+        if m.plain < m.eps_abs or (m.scaled <= goal and goal < INFINITY):
             return SOLVED
-    for _ in range(budget):
-        m.faces += 1
-        wrong = eliminate(m)
-        if wrong < 0:
-            return STUCK
-        if not m.inside:
-            clip_into_box(m, m.z, m.w)
-        set_residuals(m, m.z, m.w)
-        if wrong == 0:
-            goal = m.eps_rel * m.size
-            if m.plain < m.eps_abs or (m.scaled <= goal and goal < INFINITY):
-                return SOLVED
-            return ROUNDED
-        if m.scaled < m.least:
-            m.least = m.scaled
-            copy(m.z, m.best_z, m.n)
-            copy(m.w, m.best_w, m.n)
+        return ROUNDED
+    if m.scaled < m.least:
+        m.least = m.scaled
+        copy(m.z, m.best_z, m.n)
+        copy(m.w, m.best_w, m.n)
     return MORE
 
 
@@ -171,38 +171,33 @@ def solve_tridiagonal(lcp, z0, limits):
     DIVERGED: this method makes no progress; another one may go on from z.
     """
     n: cython.Py_ssize_t = lcp.q.size
-    report, deadline = limits.report, limits.deadline
+    deadline, most = limits.deadline, min(limits.max_iter or MOST_FACES, MOST_FACES)
     # points: z and w of the face, c_i of the elimination, the best z so far and its w.
     state, points = np.empty(n, np.int8), np.empty((5, n))
     points[0] = 0.0 if z0 is None else z0
     m: Faces = Faces()
-    m.n, rows = n, numbers(lcp.matrix.tridiagonal, 5 * n)
+    m.n, rows, m.state = n, numbers(lcp.matrix.tridiagonal, 5 * n), signs(state, n)
     m.below, m.diagonal = rows + BELOW * n, rows + DIAGONAL * n
     m.above, m.inverse, m.root = rows + ABOVE * n, rows + INVERSE * n, rows + ROOT * n
     m.q, m.lower = numbers(lcp.q, n), numbers(lcp.lower, n)
-    m.upper, m.state, m.z = (
-        numbers(lcp.upper, n),
-        signs(state, n),
-        numbers(points, 5 * n),
-    )
+    m.upper, m.z = numbers(lcp.upper, n), numbers(points, 5 * n)
     m.w, m.coupling = m.z + n, m.z + 2 * n
     m.best_z, m.best_w = m.z + 3 * n, m.z + 4 * n
     m.eps_abs, m.eps_rel = limits.tolerances
-    most: cython.Py_ssize_t = MOST_FACES
-    if limits.max_iter and limits.max_iter < most:
-        most = limits.max_iter
-    code: cython.int = MORE
-    while code == MORE and m.faces < most and not (m.faces and deadline.reached()):
-        budget = min(most - m.faces, max(1, UNKNOWNS // n) if report is None else 1)
-        before = m.faces
+    faces = 0
+    with cython.nogil:
+        code: cython.int = begin(m)
+    while code == MORE and faces < most and not (faces and deadline.reached()):
         with cython.nogil:
-            code = solve_faces(m, budget)
-        z, w = points[:2] if code in (SOLVED, ROUNDED) else points[3:]
-        if report is not None and m.faces > before:
-            report(m.faces, lcp.residual(z, w), np.count_nonzero(state))
+            code = solve_face(m)
+        faces += 1
+        if limits.report is not None:
+            z, w = points[:2] if code in (SOLVED, ROUNDED) else points[3:]
+            limits.report(faces, lcp.residual(z, w), np.count_nonzero(state))
     status = (Status.SOLVED, Status.DIVERGED, Status.DIVERGED, Status.STALLED)[code]
-    if code == MORE and m.faces == limits.max_iter:
+    if code == MORE and faces == limits.max_iter:
         status = Status.MAX_ITER
     elif code == MORE and deadline.reached():
         status = Status.TIME_LIMIT
-    return lcp.outcome(status, z.copy(), w.copy(), m.faces, "tridiagonal")
+    z, w = points[:2] if code in (SOLVED, ROUNDED) else points[3:]
+    return lcp.outcome(status, z.copy(), w.copy(), faces, "tridiagonal")
