@@ -127,13 +127,6 @@ class Fronts(Factors):
         for i in range(1, self.threads):
             PyThread_free_lock(self.desks[i].done)
 
-    @property
-    def row_lengths(self):
-        """How many entries each row of L has at most."""
-        nodes = self.arrays[0]
-        k, f = np.diff(nodes.first), np.diff(nodes.starts)
-        return np.bincount(nodes.rows, np.repeat(k, f), minlength=self.n)
-
     def another(self):
         """Return factors of the same layout and work space, on one thread."""
         other: Fronts = Fronts.__new__(Fronts)

@@ -139,11 +139,6 @@ class SparseFactors(Factors):
         """The diagonal of D, in the order of elimination."""
         return 1.0 / self.reciprocals
 
-    @property
-    def row_lengths(self):
-        """How many entries each row of L has beside the diagonal."""
-        return np.bincount(self.row_numbers, minlength=self.n)
-
     def factor_values(self, data, watch):
         starts, width, y = self.starts, self.width, self.y
         values, inverse, n = self.values, self.inverse, self.n

@@ -70,13 +70,15 @@ and Wang, Int. J. Control 77 (2004) 767-788.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 from scipy import linalg, sparse
 
-from namlcp.linalg.definite import asymmetry, positive_factors
+from namlcp.linalg.definite import asymmetry, has_positive_pivots
 from namlcp.theory.comparison import (
     LARGEST_FACTORED,
     ROUNDOFF,
@@ -88,9 +90,8 @@ from namlcp.theory.comparison import (
 )
 from namlcp.theory.splittings import Splitting, comparison, splitting
 
-# Largest order at which dense inverses and eigenvalues are computed, and the least
-# density at which a larger matrix gets a dense Cholesky factorisation.
-LARGEST_DENSE, FILLED = 600, 0.1
+# Largest order at which dense inverses and eigenvalues are computed.
+LARGEST_DENSE = 600
 # Bound for the rounding errors of the entries of K, relative to their terms.
 SAFE = 1e-13
 # Values of eps for which Q is sought, in this order.
@@ -161,14 +162,21 @@ def converges(
     False
     """
     parts = splitting(A, method, alpha=alpha, beta=beta, omega=omega, shift=shift)
+    theorems: list[Callable[[Splitting], Verdict]]
+    theorems = [by_comparison, partial(by_descent, semidefinite), by_cayley]
+    if 0 < parts.omega.size <= LARGEST_DENSE:
+        theorems += [by_inverse, by_repulsion, by_quadratic_norm]
     tried: list[str] = []
-    with np.errstate(all="ignore"):
-        for theorem in THEOREMS:
-            verdict = theorem(parts, semidefinite)
-            if verdict.answer is not None:
-                return verdict
-            if verdict.checked:
-                tried.append(verdict.checked)
+    for theorem in theorems:
+        try:
+            with np.errstate(all="ignore"):
+                verdict = theorem(parts)
+        except (np.linalg.LinAlgError, ValueError):  # singular, or not finite
+            continue
+        if verdict.answer is not None:
+            return verdict
+        if verdict.checked:
+            tried.append(verdict.checked)
     return undecided("; ".join(tried))
 
 
@@ -177,7 +185,7 @@ def undecided(checked: str = "") -> Verdict:
     return Verdict(None, "no theorem applies", checked)
 
 
-def by_comparison(parts: Splitting, semidefinite: bool) -> Verdict:
+def by_comparison(parts: Splitting) -> Verdict:
     """Ask whether K = C - W is an M-matrix."""
     C, W = comparison(parts)
     # if this is an M-matrix, so is the exact C - W
@@ -191,7 +199,7 @@ def by_comparison(parts: Splitting, semidefinite: bool) -> Verdict:
     return replace(verdict, theorem=theorem, checked=checked, bound=theta)
 
 
-def by_descent(parts: Splitting, semidefinite: bool) -> Verdict:
+def by_descent(semidefinite: bool, parts: Splitting) -> Verdict:
     """Ask whether this is projected SOR on a symmetric (semi)definite matrix."""
     A = parts.A
     if parts.H == 0.0 or parts.G != 0.0:
@@ -216,7 +224,7 @@ def by_descent(parts: Splitting, semidefinite: bool) -> Verdict:
     return Verdict(True, f"projected SOR, A = A', 0 < alpha < 2 ({source})", found)
 
 
-def by_cayley(parts: Splitting, semidefinite: bool) -> Verdict:
+def by_cayley(parts: Splitting) -> Verdict:
     """Ask whether this is the modulus method, a Cayley transform, on a definite A."""
     if not math.isnan(parts.G) or parts.N.count_nonzero():
         return undecided()
@@ -232,11 +240,10 @@ def by_cayley(parts: Splitting, semidefinite: bool) -> Verdict:
 def positive_definite(A: Any) -> str:
     """Return how a symmetric csr_array was seen to be positive definite, or "".
 
-    A symmetric H+ matrix is. Otherwise a Cholesky or LDL' factorisation of S - c I must
-    succeed, S = D^(-1/2) A D^(-1/2), where c covers its rounding errors (Demmel; Rump,
-    BIT 46 (2006) 433-452): to first order an entry's is at most (k + 1) u, with k the
-    longest row of the factor, so that their norm is below (k + 1) u n. c is more than
-    four times that.
+    A symmetric H+ matrix is. Otherwise an LDL' factorisation of S - c I must succeed, S
+    = D^(-1/2) A D^(-1/2), where c covers its rounding errors (Demmel; Rump, BIT 46
+    (2006) 433-452): to first order an entry's is at most (n + 1) u, so that their norm
+    is below (n + 1) u n. c is more than four times that.
     """
     n, D = A.shape[0], A.diagonal()
     verdict = is_h_plus(A)
@@ -244,22 +251,11 @@ def positive_definite(A: Any) -> str:
         return f"A = A' is an H+ matrix ({verdict.checked})"
     if n > LARGEST_FACTORED or not np.all(D > 0.0):
         return ""
-    root = sparse.diags_array(1.0 / np.sqrt(D))
-    S = sparse.csr_array(root @ A @ root)
-    if n <= LARGEST_DENSE or A.nnz > FILLED * n * n:
-        c = 4.0 * (n + 8) * n * ROUNDOFF
-        if linalg.lapack.dpotrf(S.toarray() - c * np.eye(n))[1] == 0:
-            return f"Cholesky factorisation of D^(-1/2) A D^(-1/2) - {c:.1e} I"
+    root, c = sparse.diags_array(1.0 / np.sqrt(D)), 4.0 * (n + 8) * n * ROUNDOFF
+    upper = sparse.triu(root @ A @ root) - c * sparse.eye_array(n)
+    if not has_positive_pivots(sparse.csc_array(upper)):
         return ""
-    upper = sparse.csc_matrix(sparse.triu(S))
-    for k in (200, n):  # a guess of the longest row of the factor, and its upper bound
-        c = 4.0 * (k + 8) * n * ROUNDOFF
-        factors = positive_factors(upper - c * sparse.eye(n))
-        if factors is None:
-            break
-        if factors.row_lengths.max() < k:
-            return f"LDL' factorisation of D^(-1/2) A D^(-1/2) - {c:.1e} I"
-    return ""
+    return f"LDL' factorisation of D^(-1/2) A D^(-1/2) - {c:.1e} I"
 
 
 def dense_parts(parts: Splitting) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -268,19 +264,15 @@ def dense_parts(parts: Splitting) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return parts.M.toarray() + Omega, parts.N.toarray(), Omega - parts.A.toarray()
 
 
-def by_inverse(parts: Splitting, semidefinite: bool) -> Verdict:
+def by_inverse(parts: Splitting) -> Verdict:
     """Ask whether rho < 1 for |(M + Omega)^-1 N| + |(M + Omega)^-1 (Omega - A)|."""
-    n = parts.omega.size
-    if parts.H or n > LARGEST_DENSE:
-        return undecided("" if parts.H else "Theorem 2 is asked for n <= 600")
+    if parts.H:
+        return undecided()
     left, N, right = dense_parts(parts)
-    try:
-        inverse = np.linalg.inv(left)
-    except np.linalg.LinAlgError:
-        return undecided("M + Omega is singular")
+    inverse = np.linalg.inv(left)
     kappa = np.linalg.norm(inverse, 1) * np.linalg.norm(left, 1)
     lower, upper, x = radius_bounds(np.abs(inverse @ N) + np.abs(inverse @ right))
-    if not upper < 1.0 - 1e-12 * kappa * n:
+    if not upper < 1.0 - 1e-12 * kappa * x.size:
         return undecided(f"rho >= {lower:.6g} in Theorem 2")
     T = "T = |(M + Omega)^-1 N| + |(M + Omega)^-1 (Omega - A)|"
     theorem = f"contraction, rho(T) < 1 for {T} (Theorem 2)"
@@ -288,23 +280,18 @@ def by_inverse(parts: Splitting, semidefinite: bool) -> Verdict:
     return Verdict(True, theorem, checked, x, upper)
 
 
-def by_repulsion(parts: Splitting, semidefinite: bool) -> Verdict:
+def by_repulsion(parts: Splitting) -> Verdict:
     """Refute convergence by the linear sweep ds+ = (I - 2 X^-1 A) ds, no bound active.
 
     X = M + Omega, less L in the accelerated family. The modulus of an eigenvalue must
     exceed 1 by more than a first-order estimate of its error.
     """
     n = parts.omega.size
-    if not 0 < n <= LARGEST_DENSE:
-        return undecided()
     A, X = parts.A.toarray(), dense_parts(parts)[0]
     if parts.H:
         X += np.tril(A, -1)
-    try:
-        step = np.eye(n) - 2.0 * np.linalg.solve(X, A)
-        values, left, right = linalg.eig(step, left=True, right=True)
-    except (np.linalg.LinAlgError, ValueError):
-        return undecided()
+    step = np.eye(n) - 2.0 * np.linalg.solve(X, A)
+    values, left, right = linalg.eig(step, left=True, right=True)
     k = int(np.argmax(np.abs(values)))
     radius = float(np.abs(values[k]))
     condition = np.linalg.cond(X) / abs(np.vdot(left[:, k], right[:, k]))
@@ -316,38 +303,33 @@ def by_repulsion(parts: Splitting, semidefinite: bool) -> Verdict:
     return Verdict(False, theorem, checked, -(A @ np.ones(n)), radius)
 
 
-def by_quadratic_norm(parts: Splitting, semidefinite: bool) -> Verdict:
+def by_quadratic_norm(parts: Splitting) -> Verdict:
     """Look for a quadratic norm in which every sweep contracts, by the factor `bound`.
 
     Lambda is Omega, or else that which minimises the norm of |X| + |Y| + |Z|: ratios of
     its left and right Perron vectors.
     """
     n = parts.omega.size
-    if not 0 < n <= LARGEST_DENSE:
-        return undecided()
     left, N, right = dense_parts(parts)
     L = -np.tril(parts.A.toarray(), -1) if parts.H else np.zeros((n, n))
     none = undecided("no quadratic Lyapunov function found")
-    try:
-        X, Y, Z = (np.linalg.solve(left, side) for side in (N, right - L, L))
-        if not np.abs(np.linalg.eigvals(X)).max() < 1.0:
-            return none
-        S = np.abs(X) + np.abs(Y) + np.abs(Z)
-        values, *sides = linalg.eig(S, left=True, right=True)
-        k = int(np.argmax(np.abs(values)))
-        y, x = (np.maximum(np.abs(V[:, k]), 1e-8) for V in sides)
-        rounding = 1e3 * n * ROUNDOFF * np.linalg.cond(left)
-        for name, weight in (("Omega", parts.omega), ("Perron", y / x)):
-            d = np.sqrt(weight)
-            X1, Y1, Z1 = (d[:, None] * V / d for V in (X, Y, Z))
-            for eps in MARGINS:
-                found = for_unit_weight(X1, Y1, Z1, eps, rounding)
-                if found is not None:
-                    checked = f"the matrix inequality, with Lambda = {name}"
-                    Q = d[:, None] * found[0] * d
-                    return Verdict(True, QUADRATIC, checked, Q, found[1])
-    except (np.linalg.LinAlgError, ValueError):  # singular, or not finite
-        pass
+    X, Y, Z = (np.linalg.solve(left, side) for side in (N, right - L, L))
+    if not np.abs(np.linalg.eigvals(X)).max() < 1.0:
+        return none
+    S = np.abs(X) + np.abs(Y) + np.abs(Z)
+    values, *sides = linalg.eig(S, left=True, right=True)
+    k = int(np.argmax(np.abs(values)))
+    y, x = (np.maximum(np.abs(V[:, k]), 1e-8) for V in sides)
+    rounding = 1e3 * n * ROUNDOFF * np.linalg.cond(left)
+    for name, weight in (("Omega", parts.omega), ("Perron", y / x)):
+        d = np.sqrt(weight)
+        X1, Y1, Z1 = (d[:, None] * V / d for V in (X, Y, Z))
+        for eps in MARGINS:
+            found = for_unit_weight(X1, Y1, Z1, eps, rounding)
+            if found is not None:
+                checked = f"the matrix inequality, with Lambda = {name}"
+                Q = d[:, None] * found[0] * d
+                return Verdict(True, QUADRATIC, checked, Q, found[1])
     return none
 
 
@@ -398,9 +380,3 @@ def riccati(
         if grown <= 1e-14 * np.linalg.norm(H):
             return H
     return None
-
-
-# Functions of a splitting and `semidefinite`, in the order that `converges` names.
-THEOREMS = (
-    by_comparison, by_descent, by_cayley, by_inverse, by_repulsion, by_quadratic_norm,
-)  # fmt: skip
