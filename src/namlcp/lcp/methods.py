@@ -18,9 +18,8 @@ from namlcp.lcp.data import LCP, LCPPoint
 from namlcp.lcp.general.arc import arc
 from namlcp.lcp.general.cones import system_of
 from namlcp.lcp.general.enumeration import LARGEST_ENUMERATION, solve_by_enumeration
-from namlcp.lcp.general.games import solve_game
 from namlcp.lcp.general.interior import farkas
-from namlcp.lcp.general.lemke import solve_by_lemke, solve_lemke
+from namlcp.lcp.general.lemke import solve_by_lemke, solve_game, solve_lemke
 from namlcp.lcp.general.search import Search
 from namlcp.lcp.loops import MOST_SMALL
 from namlcp.lcp.modulus.methods import SWEEPS

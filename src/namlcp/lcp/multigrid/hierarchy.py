@@ -121,7 +121,7 @@ def hierarchy_of(matrix: Prepared, deadline: Deadline = NEVER) -> Hierarchy | No
     return matrix.levels or None
 
 
-def build(A: Any, symmetric: bool, deadline: Deadline = NEVER) -> Hierarchy | None:
+def build(A: Any, symmetric: bool, deadline: Deadline) -> Hierarchy | None:
     """Return a hierarchy of A, None if A does not suit or the deadline has passed.
 
     A is a canonical csr_array; symmetric : A = A', which is not checked.
@@ -170,7 +170,7 @@ def scaling(A: Any) -> np.ndarray:
 
 
 def coarsen(
-    A: Any, symmetric: bool, second_pass: bool, deadline: Deadline = NEVER
+    A: Any, symmetric: bool, second_pass: bool, deadline: Deadline
 ) -> list[Level] | None:
     """Return the levels of A, None after the deadline or where a limit is exceeded.
 

@@ -52,15 +52,6 @@ class FaceOnLevel(NamedTuple):
     position: np.ndarray
 
 
-def all_free(level: Level) -> FaceOnLevel:
-    """Return the face with all unknowns of a level."""
-    n = level.d.size
-    touched, dirty = np.zeros(n, dtype=np.uint8), np.empty(n, dtype=np.uint8)
-    position = np.empty(0, dtype=np.int32)
-    b, x = np.empty(n), np.empty(n)
-    return FaceOnLevel(level.A, 1.0 / level.d, touched, dirty, b, x, position)
-
-
 class VCycle:
     """Approximate inverses of A_FF on the levels of a hierarchy.
 
@@ -79,7 +70,12 @@ class VCycle:
         self.levels = levels
         self.symmetric = symmetric
         self.krylov = self.conjugate_gradients if symmetric else self.bicgstab
-        self.faces = [all_free(level) for level in levels]
+        self.faces = []
+        for level in levels:  # all unknowns are free
+            n = level.d.size
+            marks, vectors = np.zeros((2, n), np.uint8), np.empty((2, n))
+            parts = *marks, *vectors, np.empty(0, np.int32)
+            self.faces.append(FaceOnLevel(level.A, 1.0 / level.d, *parts))
         self.invert_coarsest()
 
     def follow_face(self, k: int) -> None:
