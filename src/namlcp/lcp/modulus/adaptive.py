@@ -96,8 +96,7 @@ class AdaptiveStep(Step):
     When Omega changes, s = z - w/Omega is recomputed for the same z and w, so that a
     solution remains a fixed point. `step` is None if the first factorisation fails.
 
-    low, high: estimates of the extreme eigenvalues of the scaled A on the free rows, a
-    and b of the module. above: b of the whole matrix, 0 before the first estimate.
+    low, high: a and b of the module. above: b of the whole matrix, 0 at first.
     products: products with A for them so far.
     """
 
@@ -109,14 +108,12 @@ class AdaptiveStep(Step):
         if self.method.factored and self.method.own:  # E is D, not I
             shift = diagonal_of("shift", shift, D.size, D)
         own_alpha, self.omega_is_free = isinstance(alpha, str), isinstance(omega, str)
-        given = (
-            None if own_alpha else alpha,
-            beta,
-            None if self.omega_is_free else omega,
-        )
-        checked = checked_parameters(lcp.A, name, Parameters(*given, shift))
+        alpha = None if own_alpha else alpha
+        omega = None if self.omega_is_free else omega
+        given = Parameters(alpha, beta, omega, shift)
+        checked = checked_parameters(lcp.A, name, given)
         self.given_alpha = None if own_alpha else checked.alpha
-        self.given_omega = None if given[2] is None else checked.omega
+        self.given_omega = None if omega is None else checked.omega
         self.beta = self.method.beta if beta is None else checked.beta
         self.shift = checked.shift
         self.e = 0.0 if self.shift is None else mean(self.shift / D)

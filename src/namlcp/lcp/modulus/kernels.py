@@ -1,16 +1,11 @@
 """The triangular sweep methods: each sweep is one pass over the rows of A.
 
-By equation (3) of the paper, where r = 2 and R(s) = |s|, a solution z = (s + R(s))/2 is
+A sweep adds ds to s so that, with the letters of `sweeps` and P = D/alpha + Omega + E,
 
-    s = (M + Omega + I - L)^-1 [(N + I - L) s + (Omega - A) R(s) - 2 q],
+    (P - G L) ds - H L dz = -2 (A z + q - w).
 
-that is A z + q = w, w = Omega (z - s). A sweep adds ds to s so that, with the letters
-of `sweeps`, P = D/alpha + Omega + E and two numbers G and H,
-
-    (P - G L) ds - H L dz = -2 (A z + q - w),
-
-and therefore ds = 0 at a solution. The right side needs A z of the *old* iterate, so
-the pass that computes s+ also gives Res(z).
+The right side needs A z of the *old* iterate, so the pass that computes s+ also gives
+Res(z).
 
 Row i is read once. Terms that do not depend on row i - 1 are summed first; the one that
 does is added last, because the chain of these dependences limits the speed of a sweep

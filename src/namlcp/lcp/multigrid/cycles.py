@@ -184,7 +184,6 @@ class MultigridSolver:
         self.accepts, self.goal = criterion.accepts, criterion.goal
         self.best, self.least = self.top.z.copy(), math.inf
         self.done = 0
-        self.warm = False
 
     def users_point(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return z in the caller's scaling, and w = A z + q."""
@@ -210,10 +209,19 @@ class MultigridSolver:
         return False
 
     def run(self, z0: np.ndarray | None, limits: Limits) -> Status:
-        """Start, then cycle until solved, stalled or at a limit."""
+        """Start from z0 if that is close to the solution, else nested; then cycle."""
         deadline, max_cycles = limits.deadline, limits.max_iter or MAX_CYCLES
         top = self.top
-        if self.start(z0, deadline):
+        solved, cold, warm = self.is_solved(), top.residual, False
+        if z0 is not None and not solved:
+            with np.errstate(over="ignore"):
+                top.go_to(z0 / self.scale)
+            warm = top.residual <= max(WARM_RESIDUAL * cold, self.goal)
+            solved = self.is_solved() and warm
+        if not (solved or warm):
+            top.nest(deadline)
+            solved = self.is_solved()
+        if solved:
             return Status.SOLVED
         fruitless = slow = 0
         while self.done < max_cycles:
@@ -233,7 +241,7 @@ class MultigridSolver:
                 limits.report(self.done, residual, active)
             if solved:
                 return Status.SOLVED
-            if self.warm and self.done == WARM_CYCLES:
+            if warm and self.done == WARM_CYCLES:
                 self.cycle.faces[0].dinv[:] = 1.0 / self.cycle.levels[0].d
                 self.cycle.follow_face(0)
                 top.nest(deadline)
@@ -248,22 +256,3 @@ class MultigridSolver:
                     return Status.STALLED
                 top.full_steps = False
         return Status.MAX_ITER
-
-    def start(self, z0: np.ndarray | None, deadline: Deadline) -> bool:
-        """Go to z0 if it is close to the solution, else to a nested start.
-
-        Tell whether that is a solution.
-        """
-        top = self.top
-        if self.is_solved():
-            return True
-        cold = top.residual
-        if z0 is not None:
-            with np.errstate(over="ignore"):
-                top.go_to(z0 / self.scale)
-            self.warm = top.residual <= max(WARM_RESIDUAL * cold, self.goal)
-            solved = self.is_solved()
-            if self.warm:
-                return solved
-        top.nest(deadline)
-        return self.is_solved()

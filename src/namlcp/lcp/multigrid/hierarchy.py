@@ -56,14 +56,13 @@ EQUAL_SUMS = 1e-12
 class Hierarchy(NamedTuple):
     """Levels of a matrix A, made by `build`; several solves may use them concurrently.
 
-    The first level is S A S, S = diag(scale). rate: result of `measured_rate`.
+    The first level is S A S, S = diag(scale).
     """
 
     A: Any
     symmetric: bool
     scale: np.ndarray
     levels: list[Level]
-    rate: float
 
 
 class FreeSystem:
@@ -145,7 +144,7 @@ def build(A: Any, symmetric: bool, deadline: Deadline) -> Hierarchy | None:
             break
     if best is None or least > USELESS:
         return None
-    return Hierarchy(A, symmetric, scale, best, least)
+    return Hierarchy(A, symmetric, scale, best)
 
 
 def scaling(A: Any) -> np.ndarray:
