@@ -78,6 +78,7 @@ from typing import Any
 import numpy as np
 from scipy import linalg, sparse
 
+from namlcp.lcp import Parameters
 from namlcp.linalg.definite import asymmetry, has_positive_pivots
 from namlcp.theory.comparison import (
     LARGEST_FACTORED,
@@ -161,7 +162,7 @@ def converges(
     >>> converges(np.array([[1.0, 2.0], [-2.0, 1.0]]), "pgs").answer
     False
     """
-    parts = splitting(A, method, alpha=alpha, beta=beta, omega=omega, shift=shift)
+    parts = splitting(A, method, Parameters(alpha, beta, omega, shift))
     theorems: list[Callable[[Splitting], Verdict]]
     theorems = [by_comparison, partial(by_descent, semidefinite), by_cayley]
     if 0 < parts.omega.size <= LARGEST_DENSE:

@@ -33,20 +33,12 @@ class Splitting(NamedTuple):
     H: float
 
 
-def splitting(
-    A: Any,
-    method: str,
-    *,
-    alpha: float | None = None,
-    beta: float | None = None,
-    omega: Any = None,
-    shift: Any = None,
-) -> Splitting:
+def splitting(A: Any, method: str, parameters: Parameters) -> Splitting:
     """Return the splitting of a method, checked; arguments as in `converges`."""
-    values = {"alpha": alpha, "beta": beta, "omega": omega, "shift": shift}
+    values = parameters._asdict()
     find_method(method, [name for name in values if values[name] is not None])
-    for name, value in (("alpha", alpha), ("omega", omega)):
-        if isinstance(value, str):
+    for name, value in values.items():
+        if isinstance(value, str) and name in ("alpha", "omega"):
             raise ValueError(
                 f"{name} must be given in numbers, got {value!r}: no theorem is about "
                 "parameters that change from sweep to sweep"
@@ -56,8 +48,7 @@ def splitting(
     chosen = SWEEPS[method]
     A = finite_square_matrix("A", A, "csr")
     n = A.shape[0]
-    given = checked_parameters(A, method, Parameters(alpha, beta, omega, shift))
-    alpha, beta, omega, shift = given
+    alpha, beta, omega, shift = checked_parameters(A, method, parameters)
     E = np.zeros(n) if shift is None else shift
     A = sparse.csr_array(A)
     if chosen.factored:
