@@ -15,11 +15,10 @@ import numpy as np
 
 from namlcp.checks import vector
 from namlcp.lcp.data import LCP, LCPPoint
-from namlcp.lcp.general.arc import arc
 from namlcp.lcp.general.cones import system_of
 from namlcp.lcp.general.enumeration import LARGEST_ENUMERATION, solve_by_enumeration
-from namlcp.lcp.general.interior import farkas
 from namlcp.lcp.general.lemke import solve_by_lemke, solve_game, solve_lemke
+from namlcp.lcp.general.paths import arc, farkas
 from namlcp.lcp.general.search import Search
 from namlcp.lcp.loops import MOST_SMALL
 from namlcp.lcp.modulus.methods import SWEEPS
@@ -27,9 +26,8 @@ from namlcp.lcp.modulus.sweeps import sweep
 from namlcp.lcp.mprgp import solve_by_products
 from namlcp.lcp.multigrid.cycles import solve_by_multigrid
 from namlcp.lcp.multigrid.hierarchy import hierarchy_of
-from namlcp.lcp.operators import Operator
 from namlcp.lcp.pivoting.driver import Attempt
-from namlcp.lcp.prepared import Prepared
+from namlcp.lcp.prepared import Operator, Prepared
 from namlcp.lcp.psor import solve_by_sweeps
 from namlcp.lcp.tridiagonal import solve_tridiagonal
 from namlcp.limits import Deadline, Limits

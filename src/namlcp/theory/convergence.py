@@ -73,12 +73,14 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import linalg, sparse
 
-from namlcp.lcp import Parameters
+from namlcp.checks import finite_square_matrix
+from namlcp.lcp import SWEEPS, Parameters, find_method
+from namlcp.lcp.modulus.methods import checked_parameters
 from namlcp.linalg.definite import asymmetry, has_positive_pivots
 from namlcp.theory.comparison import (
     LARGEST_FACTORED,
@@ -89,7 +91,6 @@ from namlcp.theory.comparison import (
     is_weakly_dominant,
     radius_bounds,
 )
-from namlcp.theory.splittings import Splitting, comparison, splitting
 
 # Largest order at which dense inverses and eigenvalues are computed.
 LARGEST_DENSE = 600
@@ -100,6 +101,23 @@ MARGINS = (1e-2, 1e-5)
 QUADRATIC = "contraction in the norm of Q = witness (bounded real lemma)"
 # Most steps of the doubling algorithm, which converges quadratically.
 DOUBLINGS = 20
+
+
+class Splitting(NamedTuple):
+    """A method on a matrix: the quantities of (1), and those of its sweep.
+
+    A, M and N are those of (1), E and L included; csr_array. omega is the diagonal of
+    Omega. alpha, G and H are those of `namlcp.lcp.modulus.sweeps` where M is
+    triangular; G is NaN where M = A or A + E - L. H = 0 but for the accelerated family.
+    """
+
+    A: Any
+    M: Any
+    N: Any
+    omega: np.ndarray
+    alpha: float
+    G: float
+    H: float
 
 
 def converges(
@@ -181,6 +199,32 @@ def converges(
     return undecided("; ".join(tried))
 
 
+def splitting(A: Any, method: str, parameters: Parameters) -> Splitting:
+    """Return the splitting of a method, checked; arguments as in `converges`."""
+    values = parameters._asdict()
+    find_method(method, [name for name in values if values[name] is not None])
+    for name in ("alpha", "omega"):
+        if isinstance(values[name], str):
+            raise ValueError(
+                f"{name} must be given in numbers, got {values[name]!r}: no theorem is "
+                "about parameters that change from sweep to sweep"
+            )
+    if method not in SWEEPS:
+        raise ValueError(f"method must be a sweep method, got {method!r}")
+    chosen, A = SWEEPS[method], sparse.csr_array(finite_square_matrix("A", A, "csr"))
+    alpha, beta, omega, shift = checked_parameters(A, method, parameters)
+    E = np.zeros(omega.size) if shift is None else shift
+    D, lower = A.diagonal(), sparse.tril(A, -1)
+    if chosen.factored:
+        M, sweep = A + sparse.diags_array(E) + chosen.own * lower, (1.0, math.nan, 0.0)
+    else:  # the accelerated family splits A as Zheng and Yin do
+        weight = beta / alpha + max(chosen.own, 0.0)
+        M = sparse.diags_array(D / alpha + E) + weight * lower
+        sweep = alpha, beta / alpha + chosen.own, chosen.reflected
+    M = sparse.csr_array(M)
+    return Splitting(A, M, sparse.csr_array(M - A), omega, *sweep)
+
+
 def undecided(checked: str = "") -> Verdict:
     """Return the verdict of a theorem that does not apply."""
     return Verdict(None, "no theorem applies", checked)
@@ -198,6 +242,20 @@ def by_comparison(parts: Splitting) -> Verdict:
     checked = verdict.checked.replace("rho(J)", "rho of K's Jacobi matrix")
     theta = float(np.max((W @ verdict.witness) / (C @ verdict.witness), initial=0.0))
     return replace(verdict, theorem=theorem, checked=checked, bound=theta)
+
+
+def comparison(parts: Splitting) -> tuple[Any, Any]:
+    """Return C and W, T <= C^-1 W."""
+    A, M, N, omega, alpha, G, H = parts
+    D = A.diagonal()
+    if H:
+        lower, upper = abs(sparse.tril(A, -1)), abs(sparse.triu(A, 1))
+        C = sparse.diags_array(D / alpha + omega) - (G + H) * lower
+        weight = abs(1.0 / alpha - 1.0) * D + np.abs(omega - D)
+        return C, sparse.diags_array(weight) + abs(G) * lower + 2.0 * upper
+    X = sparse.csr_array(M + sparse.diags_array(omega))
+    C = 2.0 * sparse.diags_array(np.abs(X.diagonal())) - abs(X)  # <X>
+    return C, abs(N) + abs(sparse.diags_array(omega) - A)
 
 
 def by_descent(semidefinite: bool, parts: Splitting) -> Verdict:

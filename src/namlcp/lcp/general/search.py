@@ -15,7 +15,7 @@ from namlcp.lcp.data import LCP, Criterion, is_solved_by_zero
 from namlcp.lcp.general.cones import System, system_of
 from namlcp.lcp.general.distances import Distances, Plain
 from namlcp.lcp.general.exact import finish, proximal_steps
-from namlcp.lcp.general.interior import mehrotra
+from namlcp.lcp.general.paths import mehrotra
 from namlcp.lcp.pivoting.rays import proof
 from namlcp.lcp.shifted import Shifted
 from namlcp.limits import Limits
