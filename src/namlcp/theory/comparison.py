@@ -333,19 +333,3 @@ def cycles(K: Any, b: np.ndarray) -> Iterator[np.ndarray]:
             x = levels.solve(b, x0=x, maxiter=CYCLES, tol=1e-14)
             yield x
             x = x + (b - K @ x) / K.diagonal()
-
-
-def radius_bounds(T: Any, rtol: float = 1e-10) -> tuple[float, float, np.ndarray]:
-    """Return lower <= rho(T) <= upper and x > 0 with T x <= upper x, for T >= 0.
-
-    The bounds are those of rounded numbers; they close to rtol if T is irreducible.
-    """
-    lower, upper, best = 0.0, math.inf, np.ones(T.shape[0])
-    for x in perron_vectors(T, []):
-        quotient = (T @ x) / x
-        if quotient.max() < upper:
-            upper, best = float(quotient.max()), x
-        lower = max(lower, float(quotient.min()))
-        if upper - lower <= rtol * upper:
-            break
-    return lower, upper, best
