@@ -20,10 +20,9 @@ solutions of
 
 If lambda > rho(J), y > 0 and J y = lambda y - x < lambda y. If not, u = max(-y, 0) has
 J u >= lambda u, since J u >= -J y = x - lambda y. So (1) decides with lambda = 1 -+
-`BESIDE`, unless rho(J) lies between the two. With lambda = max (J x)_i / x_i it is
-Noda's iteration (Numer. Math. 17 (1971) 382-386), which tends to a Perron vector of J.
-For every x > 0, min (J x)_i / x_i <= rho(J) <= max (J x)_i / x_i (Collatz and
-Wielandt).
+`BESIDE`, unless rho(J) lies between the two. With lambda = max (J x)_i / x_i >= rho(J)
+(Collatz and Wielandt) it is a step of Noda's iteration (Numer. Math. 17 (1971) 382-386)
+towards a Perron vector of J; multigrid, for large systems, needs such a lambda.
 
 Every candidate is checked in exact arithmetic (`signs`), so that no answer depends on
 the accuracy of a linear solve.
@@ -50,9 +49,9 @@ ROUNDOFF, LEAST_NUMBER = 2.0**-53, 5e-324
 # Most times that rows are dropped from u.
 RESTRICTIONS = 10
 # Power steps of a round; they go on while a round reduces log(max/min) of (J x)_i / x_i
-# below POWER_HELPS times. Then most steps of Noda's iteration.
-POWERS, POWER_HELPS, NODA_STEPS = 10, 0.7, 30
-# Distance from 1 of the first lambda in (1).
+# below POWER_HELPS times.
+POWERS, POWER_HELPS = 10, 0.7
+# Distance from 1 of lambda in (1).
 BESIDE = 1e-13
 # Least entry of an x whose largest one is 1, and the factor of the right-hand side of a
 # system whose solution exceeds the range of floating point.
@@ -205,11 +204,30 @@ def candidates(A: Any, D: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
     data = np.abs(A.data) / (root[rows] * root[A.indices])
     data[rows == A.indices] = 0.0
     J = sparse.csr_array((data, A.indices, A.indptr), shape=A.shape)
-    beside = [1.0 - BESIDE, 1.0 + BESIDE, 1.0]
-    first = [] if D.size <= LARGEST_FACTORED else [None]
-    for y in perron_vectors(J, [*first, *beside]):
-        x = np.maximum(-y, 0.0) if np.any(y < 0.0) else y
-        yield "Noda's iteration", x / root
+    x, gap = np.ones(D.size), math.inf
+    while True:
+        scale = ((J @ x) / x).max()
+        for _ in range(POWERS if scale > 0.0 else 0):
+            x = (J @ x) / scale + 0.5 * x
+        x = np.maximum(x / x.max(), LEAST_ENTRY)
+        yield "power steps", x / root
+        quotient = (J @ x) / x
+        low, high = quotient.min(), quotient.max()
+        before, gap = gap, math.log(high / low) if low > 0.0 else math.inf
+        if not gap < POWER_HELPS * before:
+            break
+    shifts = [1.0 - BESIDE, 1.0 + BESIDE, 1.0]
+    for shift in shifts if D.size <= LARGEST_FACTORED else [math.inf, *shifts]:
+        scaled = sparse.diags_array(1.0 / x) @ J @ sparse.diags_array(x)
+        largest = float((scaled @ np.ones(x.size)).max()) * (1.0 + 1e-15)
+        last = np.ones(x.size)
+        for y in solutions(scaled, min(shift, largest)):
+            if np.all(np.isfinite(y)) and y.any():
+                last = y
+                part = np.maximum(-y, 0.0) if np.any(y < 0.0) else y
+                yield "a solution of (1)", x * part / root
+        x = x * np.abs(last)
+        x = np.maximum(x / x.max(), LEAST_ENTRY)
 
 
 def signs(A: Any, x: np.ndarray) -> tuple[bool, bool, np.ndarray]:
@@ -256,49 +274,13 @@ def is_weakly_dominant(A: Any) -> bool:
     return all(exact_row(A, i, ones) >= 0 for i in doubtful)
 
 
-def perron_vectors(J: Any, shifts: list[float | None]) -> Iterator[np.ndarray]:
-    """Yield x > 0 that tend to a Perron vector of J >= 0, and solutions of (1).
-
-    The first lambda are those of `shifts`; None stands for Noda's. Where lambda is
-    given, a solution may have entries of any sign.
-    """
-    x = np.ones(J.shape[0])
-    gap = math.inf
-    while True:
-        scale = ((J @ x) / x).max()
-        for _ in range(POWERS if scale > 0.0 else 0):
-            x = (J @ x) / scale + 0.5 * x
-        x = np.maximum(x / x.max(), LEAST_ENTRY)
-        yield x
-        quotient = (J @ x) / x
-        low, high = quotient.min(), quotient.max()
-        before, gap = gap, math.log(high / low) if low > 0.0 else math.inf
-        if not gap < POWER_HELPS * before:
-            break
-    for shift in shifts + NODA_STEPS * [None]:
-        scaled = sparse.diags_array(1.0 / x) @ J @ sparse.diags_array(x)
-        noda = float((scaled @ np.ones(x.size)).max()) * (1.0 + 1e-15)
-        y = None
-        for found in solutions(scaled, noda if shift is None else shift):
-            if np.all(np.isfinite(found)) and found.any():
-                y = found
-                yield x * y if shift else x * np.abs(y)
-        if y is not None:
-            x = x * np.abs(y)
-            x = np.maximum(x / x.max(), LEAST_ENTRY)
-        elif shift is None:
-            return
-
-
 def solutions(J: Any, shift: float) -> Iterator[np.ndarray]:
     """Yield approximations of (shift I - J)^-1 1, up to a positive factor."""
     n = J.shape[0]
     b = np.ones(n)
-    if sparse.issparse(J) and n <= LARGEST_DENSE_LU and J.nnz > n * n // 4:
-        J = J.toarray()
-    if not sparse.issparse(J):
+    if n <= LARGEST_DENSE_LU and J.nnz > n * n // 4:
         with contextlib.suppress(np.linalg.LinAlgError):
-            yield np.linalg.solve(shift * np.eye(n) - J, b)
+            yield np.linalg.solve(shift * np.eye(n) - J.toarray(), b)
         return
     K = sparse.csr_array(sparse.diags_array(np.full(n, shift)) - J)
     if n > LARGEST_FACTORED:
