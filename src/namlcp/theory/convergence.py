@@ -163,10 +163,11 @@ def converges(
     `namlcp.theory.convergence` states the theorems. In the order in which they are
     tried: 1. the comparison, sparse, any size; 2. projected SOR, symmetric positive
     (semi)definite A, 0 < alpha < 2; 3. "modulus", A + A' positive definite; and for n
-    <= 600: 4. while no bound is active a sweep is a linear map, so that a spectral
-    radius above 1 refutes it (q = -A e has the solution e); 5. a quadratic norm, which
-    covers the paper's runs of NAMGS (Omega = D/2, E = I), where rho(T) > 1, and nearly
-    all cases of rho(T) < 1 that the comparison misses.
+    <= 600: 4. Theorem 2 with |(M + Omega)^-1 N| + |(M + Omega)^-1 (Omega - A)|, which
+    is at most its T, and for which its proof holds; 5. while no bound is active a sweep
+    is a linear map, so that a spectral radius above 1 refutes it (q = -A e has the
+    solution e); 6. a quadratic norm, which covers the paper's runs of NAMGS (Omega =
+    D/2, E = I), where rho(T) > 1.
 
     Examples
     --------
@@ -182,7 +183,7 @@ def converges(
     theorems: list[Callable[[Splitting], Verdict]]
     theorems = [by_comparison, partial(by_descent, semidefinite), by_cayley]
     if 0 < parts.omega.size <= LARGEST_DENSE:
-        theorems += [by_repulsion, by_quadratic_norm]
+        theorems += [by_inverse, by_repulsion, by_quadratic_norm]
     tried: list[str] = []
     for theorem in theorems:
         try:
@@ -319,6 +320,23 @@ def dense_parts(parts: Splitting) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return M + Omega, N and Omega - A as dense arrays."""
     Omega = np.diag(parts.omega)
     return parts.M.toarray() + Omega, parts.N.toarray(), Omega - parts.A.toarray()
+
+
+def by_inverse(parts: Splitting) -> Verdict:
+    """Ask whether T v < v for a v > 0, with a T that is at most that of Theorem 2."""
+    if parts.H:
+        return undecided()
+    left, N, right = dense_parts(parts)
+    inverse, I = np.linalg.inv(left), np.eye(len(N))
+    T = np.abs(inverse @ N) + np.abs(inverse @ right)
+    v = np.linalg.solve(I - T, np.ones(len(N)))
+    theta = float(np.max((T @ v) / v)) if np.all(v > 0.0) else math.inf
+    if not theta < 1.0 - 1e-12 * len(N) * np.linalg.cond(left, 1):
+        return undecided("rho(T) < 1 is not seen")
+    name = "T = |(M + Omega)^-1 N| + |(M + Omega)^-1 (Omega - A)|"
+    theorem = f"contraction, rho(T) < 1 for {name} (Theorem 2)"
+    checked = f"rho(T) <= {theta:.17g}, the largest (T v)_i / v_i"
+    return Verdict(True, theorem, checked, v, theta)
 
 
 def by_repulsion(parts: Splitting) -> Verdict:
