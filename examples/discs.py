@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from examples.falling import FallingDiscs
 from namlcp import Status
-from namlcp.scenes import FallingDiscs
 
 SHOWN = 4  # pictures of the discs, at as many steps
 

@@ -1,4 +1,4 @@
-"""The command line: the demonstration, good files and hostile ones."""
+"""The command line: good files and hostile ones."""
 
 import gzip
 import io
@@ -20,12 +20,9 @@ import namlcp
 from namlcp.cli import files, main
 
 
-def test_demonstration_solves_its_scenes(capsys):
+def test_without_a_command_there_is_help(capsys):
     assert main([]) == 0
-    out = capsys.readouterr().out
-    assert out.endswith("all solved\n")
-    assert "contact" in out
-    assert "MPC" in out
+    assert "solve a problem file" in capsys.readouterr().out
 
 
 def test_version(capsys):

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from examples.falling import FallingDiscs
 from namlcp import Status, solve_lcp
 from namlcp.scenes.friction import friction_lcp
-from namlcp.scenes.stepping import FallingDiscs
 from validation.problems.general import piles
 
 SCENES = {

@@ -14,7 +14,7 @@ families
 steps
     Discs that fall with friction for 300 steps: an LCP each, from the last one or not.
     A row for every step: unknowns, method, Res over max |q_i|, processor time, energy
-    and deepest overlap. The scene: `namlcp.scenes.stepping`.
+    and deepest overlap. The scene: `examples/falling.py`.
 """
 
 import time
@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from namlcp.scenes.stepping import FallingDiscs
+from examples.falling import FallingDiscs
 from validation.harness import Job, Row, timing
 from validation.harness.suite import Args, Late, Suite
 from validation.problems.general import families

@@ -14,7 +14,6 @@ from typing import NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
-from namlcp.scenes import disc_pile
 from validation.problems import (
     contact_scenes,
     data_sets,
@@ -22,6 +21,7 @@ from validation.problems import (
     sweep_scenes,
 )
 from validation.problems import known_scenes as known
+from validation.problems.classics import disc_pile
 from validation.problems.known_scenes import BoxLCP
 
 QUICK_FAMILIES = ("3-D", "mesh, jumps", "biactive", "transport")

@@ -26,10 +26,10 @@ from namlcp.lcp.modulus.adaptive import AdaptiveStep
 from namlcp.lcp.modulus.methods import Step
 from namlcp.lcp.modulus.sweeps import iterate, step_of
 from namlcp.limits import Limits
-from namlcp.scenes import forced_obstacle
 from validation.harness import Job, Row
 from validation.harness.suite import Args, Suite
 from validation.problems import sweep_scenes
+from validation.problems.classics import forced_obstacle
 
 EPS_REL = 1e-6  # of Res(0)
 WANTED = 1.3  # sweeps over those of the best point, at most

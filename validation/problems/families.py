@@ -15,9 +15,9 @@ import numpy as np
 import scipy.sparse as sp
 from qpsolvers import Problem
 
-from namlcp.scenes import disc_pile, preview_control
 from validation.problems import data_sets, draw, osqp_classes, sequences
 from validation.problems import known_scenes as known
+from validation.problems.classics import disc_pile, preview_control
 from validation.problems.contact_scenes import brick_wall, heap
 from validation.problems.sweep_scenes import paper_example
 

@@ -20,8 +20,8 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.spatial import Delaunay
 
-from namlcp.scenes import forced_obstacle
 from validation.problems import data_sets
+from validation.problems.classics import forced_obstacle
 
 
 class BoxLCP(NamedTuple):

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
-from namlcp.scenes import disc_pile, forced_obstacle
 from validation.problems import data_sets, draw, hertz
+from validation.problems.classics import disc_pile, forced_obstacle
 from validation.problems.contact_scenes import brick_wall
 from validation.problems.known_scenes import svm_rbf
 

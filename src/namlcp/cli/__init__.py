@@ -1,3 +1,3 @@
-"""The command line, its demonstration, and the readers of problem files."""
+"""The command line, and the readers of problem files."""
 
 from namlcp.cli.main import main

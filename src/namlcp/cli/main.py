@@ -1,7 +1,4 @@
-"""Solve a problem file, or tell what is installed.
-
-Without a command: four scenes, beside OSQP if it is installed.
-"""
+"""Solve a problem file, or tell what is installed."""
 
 import argparse
 import json
@@ -17,7 +14,7 @@ import numpy as np
 import qpsolvers
 
 import namlcp
-from namlcp.cli.demonstration import compare, demonstrate
+from namlcp.cli.compare import compare
 from namlcp.cli.files import read_problem
 from namlcp.options import RELAXATIONS, Options
 
@@ -162,13 +159,15 @@ def parser_of_arguments() -> argparse.ArgumentParser:
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; return the exit status."""
-    args = vars(parser_of_arguments().parse_args(arguments))
+    parser = parser_of_arguments()
+    args = vars(parser.parse_args(arguments))
     command, is_warmup = args.pop("command"), args.pop("warmup")
     if is_warmup:  # of earlier versions, for one release
         print("--warmup does nothing: nothing is compiled later", file=sys.stderr)
         return 0
     if command is None:
-        return demonstrate()
+        parser.print_help()
+        return 0
     if command == "info":
         return show_info()
     return solve_file(args.pop("file"), args)

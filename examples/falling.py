@@ -1,8 +1,8 @@
 """Discs that fall into a box, roll, slide and come to rest: an LCP a time step.
 
-The step is that of `friction`, in velocities: a contact may close within a step, but no
-further, and what has crept into another body is pushed out slowly. Each LCP starts from
-the impulses that the same contacts had in the step before.
+The step is that of `namlcp.scenes.friction`, in velocities: a contact may close within
+a step, but no further, and what has crept into another body is pushed out slowly. Each
+LCP starts from the impulses that the same contacts had in the step before.
 """
 
 import time
