@@ -9,9 +9,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from namlcp.checks import clean_copy, real_array
+from namlcp.checks import clean_copy, real_array, refuse_number
 from namlcp.derivatives.dense import differentiate_items as differentiate_part
-from namlcp.derivatives.dense import refuse_faults
 from namlcp.derivatives.gradients import QPGradients, product_of
 from namlcp.derivatives.qp import QPDerivative
 from namlcp.options import check_count
@@ -57,7 +56,9 @@ def differentiate_items(
     shown = which[:, None]
     points = Point(*(np.where(shown, v, 0.0) for v in solutions))
     parts = tuple(None if v is None else np.where(shown, v, 0.0) for v in cotangents)
-    refuse_faults(parts)
+    for name, part in zip(Point._fields, parts, strict=True):
+        if part is not None:
+            refuse_number(f"d{name}", part, False)
     n, m, p = points.x.shape[1], points.z.shape[1], points.y.shape[1]
     count, chosen = which.size, np.flatnonzero(which)
     q, h, b, lb, ub = (np.zeros((count, size)) for size in (n, m, p, n, n))

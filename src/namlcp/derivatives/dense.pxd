@@ -1,4 +1,4 @@
-from namlcp.derivatives.marks cimport Solved
+from namlcp.measure cimport Terms
 from namlcp.qp.active.dense cimport DenseActiveSet
 
 cdef double LEAST_PIVOT
@@ -10,7 +10,10 @@ cdef enum:
 cdef class DenseItem:
     cdef:
         # The QP with its solution; gradients in x, y, z and z_box; those in the data.
-        Solved qp
+        Terms qp
+        const double *P
+        const double *G
+        const double *A
         const double *of_x
         const double *of_y
         const double *of_z
@@ -37,14 +40,15 @@ cdef class DenseItem:
         # Zeros; work space.
         double *zero
         double *work
-        char *memory
-        char *store
+        double *memory
         # The factors of the solve; whether they serve.
         DenseActiveSet kept
         bint keeps
         object arrays
 
-cdef int make_store(DenseItem m) except -1
+cdef tuple sizes_of(Py_ssize_t n, Py_ssize_t m, Py_ssize_t p)
+cdef int locate(tuple arrays, tuple sizes, Py_ssize_t count, double* absent, double** start, Py_ssize_t* step) except -1
+cdef void set_solved(DenseItem m, double** start, const Py_ssize_t* step, Py_ssize_t i) noexcept nogil
 cdef void set_cotangents(DenseItem m, double** start, const Py_ssize_t* step, Py_ssize_t i) noexcept nogil
 cdef void mark_item(DenseItem m) noexcept nogil
 cdef bint serves(DenseActiveSet own, DenseItem m) noexcept nogil
@@ -55,6 +59,5 @@ cdef void solve_item(DenseItem m) noexcept nogil
 cdef void set_remainder(DenseItem m) noexcept nogil
 cdef void correct(DenseItem m) noexcept nogil
 cdef void correct_by_kept(DenseActiveSet own, DenseItem m) noexcept nogil
-cdef bint are_finite(DenseItem m) noexcept nogil
 cdef int write_matrices(DenseItem m, tuple matrices) except -1
 cdef void write_rank_two(double s, const double* a, const double* b, double t, const double* c, const double* d, Py_ssize_t rows, Py_ssize_t columns, double* out) noexcept nogil

@@ -15,13 +15,9 @@ as rows, see `namlcp.qp.active.engine`.
 import cython
 import numpy as np
 from cython import Py_ssize_t
-from cython.cimports.libc.stdlib import calloc, free, malloc
-from cython.cimports.namlcp.derivatives.marks import (
-    locate,
-    mark_dense,
-    set_solved,
-    sizes_of,
-)
+from cython.cimports.libc.math import fabs, sqrt
+from cython.cimports.libc.stdlib import free, malloc
+from cython.cimports.namlcp.derivatives.marks import ACTIVE, mark
 from cython.cimports.namlcp.linalg.arrays import indices, numbers, places, signs
 from cython.cimports.namlcp.linalg.blas import (
     cholesky,
@@ -33,14 +29,13 @@ from cython.cimports.namlcp.linalg.dense import (
     add_times_transposed,
     backward_solve,
     forward_solve,
+    times_rows,
     triangle_solve,
     triangle_solve_transposed,
 )
 from cython.cimports.namlcp.linalg.vectors import add_scaled, copy, dot, fill
 from cython.cimports.namlcp.qp.active.dense import DenseActiveSet
 from cython.cimports.namlcp.qp.active.engine import response_of
-
-from namlcp.checks import refuse_number
 
 # Factors are used if no pivot is below this multiple of its diagonal entry; a single
 # step of refinement then removes the error of the Schur complement.
@@ -58,23 +53,26 @@ class DenseItem:
         qp = cython.address(self.qp)
         qp.n, qp.m, qp.p = n, m, p
         most, length, rows = max(n, max(m, p)), 4 * (n + m + p), m + p
-        self.memory = cython.cast(
-            cython.p_char, calloc(8 * (most + length + 2 * (n + rows)) + 2 * (n + m), 1)
-        )
+        k = min(n, rows)
+        size = most + length + 2 * (n + rows) + n * n + k * (n + k)
+        self.memory = cython.cast(cython.p_double, malloc(8 * size + 2 * (n + m)))
         if self.memory == cython.NULL:
             raise MemoryError("a derivative of this size needs more memory")
-        self.zero = cython.cast(cython.p_double, self.memory)
+        self.zero = self.memory
+        fill(self.zero, 0.0, most)
         self.work = self.zero + most
+        qp.Px, qp.Gtz, qp.Aty = self.work, self.work + n, self.work + 2 * n
+        qp.Gx = self.work + 3 * n
         self.t = self.work + length
         self.s = self.t + n
         self.held = cython.cast(cython.p_Py_ssize_t, self.s + rows)
         self.free = self.held + rows
-        self.strict = cython.cast(cython.p_schar, self.free + n)
+        self.L = cython.cast(cython.p_double, self.free + n)
+        self.strict = cython.cast(cython.p_schar, self.memory + size)
         self.whole = self.strict + n + m
 
     def __dealloc__(self):
         free(self.memory)
-        free(self.store)
 
     def take(self, qp, point, kept):
         """Take a single QP, its solution, and the factors of its solve or None.
@@ -85,15 +83,14 @@ class DenseItem:
         step = cython.declare(Py_ssize_t[12])
         regular: cython.bint = True
         self.arrays = *qp, *point
-        own = cython.address(self.qp)
-        locate(self.arrays, sizes_of(own.n, own.m, own.p), 1, start, step)
-        set_solved(own, start, step, 0)
+        sizes = sizes_of(self.qp.n, self.qp.m, self.qp.p)
+        locate(self.arrays, sizes, 1, self.zero, start, step)
+        set_solved(self, start, step, 0)
         mark_item(self)
         if isinstance(kept, DenseActiveSet):
             self.kept = kept
             self.keeps = serves(self.kept, self)
         if not self.keeps:
-            make_store(self)
             with cython.nogil:  # nobody else has this item yet
                 regular = factor(self)
         return regular
@@ -101,33 +98,23 @@ class DenseItem:
     def backward(self, cotangents, with_matrices):
         """Return the gradients in q, h, b, lb and ub, and those in P, G and A.
 
-        The latter are there if they are asked for and small, else none of them. Raises
-        ValueError if a cotangent is not finite.
+        The latter are there if they are asked for and small, else none of them.
         """
         n, m, p = self.qp.n, self.qp.m, self.qp.p
         start = cython.declare(cython.p_double[4])
         step = cython.declare(Py_ssize_t[4])
         q, h, b = np.empty(n), np.empty(m), np.empty(p)
         lb, ub = np.empty(n), np.empty(n)
-        locate(cotangents, (n, p, m, n), 1, start, step)
+        locate(cotangents, (n, p, m, n), 1, self.zero, start, step)
         set_cotangents(self, start, step, 0)
         self.u, self.lam, self.nu = numbers(q, n), numbers(h, m), numbers(b, p)
         self.lower, self.upper = numbers(lb, n), numbers(ub, n)
-        if not are_finite(self):
-            refuse_faults(cotangents)
         solve_item(self)
         matrices = ()
         if with_matrices and (n + m + p) * n <= AT_ONCE:
             matrices = np.empty((n, n)), np.empty((m, n)), np.empty((p, n))
             write_matrices(self, matrices)
         return (q, h, b, lb, ub), matrices
-
-
-def refuse_faults(cotangents):
-    """Raise a ValueError that names the cotangent which is not finite, if one is."""
-    for name, value in zip(("x", "y", "z", "z_box"), cotangents, strict=True):
-        if value is not None:
-            refuse_number(f"d{name}", value, False)
 
 
 def differentiate_items(chosen, arrays, found):
@@ -144,8 +131,8 @@ def differentiate_items(chosen, arrays, found):
     start = cython.declare(cython.p_double[ARRAYS])
     step = cython.declare(Py_ssize_t[ARRAYS])
     item: DenseItem = DenseItem(n, m, p)
-    make_store(item)
-    locate(arrays, (*sizes_of(n, m, p), n, p, m, n), count, start, step)
+    sizes = *sizes_of(n, m, p), n, p, m, n
+    locate(arrays, sizes, count, item.zero, start, step)
     q, h = numbers(found.q, count * n), numbers(found.h, count * m)
     b, lb = numbers(found.b, count * p), numbers(found.lb, count * n)
     ub, weak = numbers(found.ub, count * n), indices(found.weak, count)
@@ -156,7 +143,7 @@ def differentiate_items(chosen, arrays, found):
     with cython.nogil:
         for t in range(length):
             i = which[t]
-            set_solved(cython.address(item.qp), start, step, i)
+            set_solved(item, start, step, i)
             set_cotangents(item, start + 12, step + 12, i)
             item.u, item.lam, item.nu = q + i * n, h + i * m, b + i * p
             item.lower, item.upper = lb + i * n, ub + i * n
@@ -169,36 +156,76 @@ def differentiate_items(chosen, arrays, found):
                 side[i * (m + n) + k] = item.strict[k]
 
 
-def make_store(m):
-    n, k = m.qp.n, min(m.qp.n, m.qp.m + m.qp.p)
-    m.store = cython.cast(cython.p_char, malloc(8 * (n * n + k * (n + k) + 1)))
-    if m.store == cython.NULL:
-        raise MemoryError("the KKT system needs more memory than there is")
-    m.L = cython.cast(cython.p_double, m.store)
+def sizes_of(n, m, p):
+    """Return how many numbers P, q, G, h, A, b, lb, ub, x, y, z and z_box have."""
+    return n * n, n, m * n, m, p * n, p, n, n, n, p, m, n
+
+
+def locate(arrays, sizes, count, absent, start, step):
+    """Find where arrays are that have `sizes` numbers for each one of `count` items.
+
+    step: the numbers from item to item, 0 for an array that is that of all items. In
+    place of an array that is None there is `absent`.
+    """
+    for k in range(len(arrays)):
+        start[k], step[k] = absent, 0
+        if arrays[k] is not None:
+            size: Py_ssize_t = sizes[k]
+            if arrays[k].size != size:
+                step[k] = size
+                size *= count
+            start[k] = numbers(arrays[k], size)
     return 0
 
 
+def set_solved(m, start, step, i):
+    """Take item i of the data and solutions that `locate` has found."""
+    qp = cython.address(m.qp)
+    m.P, qp.q = start[0] + i * step[0], start[1] + i * step[1]
+    m.G, qp.h = start[2] + i * step[2], start[3] + i * step[3]
+    m.A, qp.b = start[4] + i * step[4], start[5] + i * step[5]
+    qp.lb, qp.ub = start[6] + i * step[6], start[7] + i * step[7]
+    qp.x, qp.y = start[8] + i * step[8], start[9] + i * step[9]
+    qp.z, qp.z_box = start[10] + i * step[10], start[11] + i * step[11]
+
+
 def set_cotangents(m, start, step, i):
-    """Note where the gradients in the solution of item i are."""
-    m.of_x = start[0] + i * step[0] if start[0] != cython.NULL else m.zero
-    m.of_y = start[1] + i * step[1] if start[1] != cython.NULL else m.zero
-    m.of_z = start[2] + i * step[2] if start[2] != cython.NULL else m.zero
-    m.of_box = start[3] + i * step[3] if start[3] != cython.NULL else m.zero
+    """Take item i of the gradients in the solution."""
+    m.of_x, m.of_y = start[0] + i * step[0], start[1] + i * step[1]
+    m.of_z, m.of_box = start[2] + i * step[2], start[3] + i * step[3]
 
 
 def mark_item(m):
     """Find the strictly active constraints, and note what they hold and leave free."""
     qp = cython.address(m.qp)
-    m.weak = mark_dense(qp, m.work, m.strict, m.whole)
+    n, rows, size, share, norms = qp.n, qp.m, qp.Px, qp.Gx + qp.m, qp.Gx + 2 * qp.m
+    times_rows(m.P, n, n, n, qp.x, size)
+    times_rows(m.G, rows, n, n, qp.x, qp.Gx)
+    fill(qp.Gtz, 0.0, 2 * n)
+    add_times_transposed(m.G, rows, n, qp.z, qp.Gtz)
+    add_times_transposed(m.A, qp.p, n, qp.y, qp.Aty)
+    for j in range(n):
+        large = max(fabs(size[j]), max(fabs(qp.q[j]), fabs(qp.z_box[j])))
+        large = max(large, max(fabs(qp.Gtz[j]), fabs(qp.Aty[j])))
+        size[j] = 1.0 / large if large > 0.0 else 0.0
+    for i in range(rows):
+        row, multiplier = m.G + i * n, qp.z[i]
+        norms[i], share[i] = sqrt(dot(row, row, n)), 0.0
+        if multiplier > 0.0:
+            for j in range(n):
+                share[i] = max(share[i], multiplier * fabs(row[j]) * size[j])
+                if share[i] > ACTIVE:
+                    break
+    m.weak = mark(qp, share, norms, size, m.strict, m.whole)
     m.held_n, m.free_n = qp.p, 0
     for i in range(qp.p):
         m.held[i] = i
-    for i in range(qp.m):
+    for i in range(rows):
         if m.strict[i] != 0:
             m.held[m.held_n] = qp.p + i
             m.held_n += 1
-    for j in range(qp.n):
-        if m.strict[qp.m + j] == 0:
+    for j in range(n):
+        if m.strict[rows + j] == 0:
             m.free[m.free_n] = j
             m.free_n += 1
 
@@ -229,7 +256,7 @@ def factor(m):
     m.V = m.L + n * n
     m.S = m.V + k * n
     for a in range(n):
-        row = m.qp.P + m.free[a] * m.qp.n
+        row = m.P + m.free[a] * m.qp.n
         for c in range(a + 1):
             m.L[a * n + c] = row[m.free[c]]
     for i in range(k):
@@ -246,7 +273,7 @@ def factor(m):
 def row_at(m, k):
     """Return row k of [A; G]."""
     p, n = m.qp.p, m.qp.n
-    return m.qp.A + k * n if k < p else m.qp.G + (k - p) * n
+    return m.A + k * n if k < p else m.G + (k - p) * n
 
 
 def has_factor(M, n, diagonal):
@@ -289,9 +316,9 @@ def set_remainder(m):
     qp, rest = cython.address(m.qp), m.lower
     n, p = qp.n, qp.p
     fill(rest, 0.0, n)
-    add_times_transposed(qp.P, n, n, m.u, rest)  # P = P'
-    add_times_transposed(qp.G, qp.m, n, m.lam, rest)
-    add_times_transposed(qp.A, p, n, m.nu, rest)
+    add_times_transposed(m.P, n, n, m.u, rest)  # P = P'
+    add_times_transposed(m.G, qp.m, n, m.lam, rest)
+    add_times_transposed(m.A, p, n, m.nu, rest)
     for j in range(n):
         rest[j] = m.of_x[j] - rest[j]
     for i in range(m.held_n):
@@ -336,7 +363,7 @@ def correct_by_kept(own, m):
     for i in range(own.kept_k):
         k = own.kept_active[i]
         if k < qp.m:
-            goal = m.of_z[k] - dot(qp.G + k * n, m.u, n)
+            goal = m.of_z[k] - dot(m.G + k * n, m.u, n)
         else:
             goal = m.of_box[k - qp.m] - m.u[k - qp.m]
         goals[i] = values[k] - goal
@@ -349,18 +376,6 @@ def correct_by_kept(own, m):
             m.lam[k] += goals[i]
     add_scaled(1.0, values + qp.m, m.u, n)
     add_scaled(1.0, values + own.rows, m.nu, p)
-
-
-def are_finite(m):
-    """Tell whether the gradients in the solution are finite: 0 times them is 0."""
-    qp, total = cython.address(m.qp), 0.0
-    for j in range(qp.n):
-        total += 0.0 * m.of_x[j] + 0.0 * m.of_box[j]
-    for i in range(qp.p):
-        total += 0.0 * m.of_y[i]
-    for i in range(qp.m):
-        total += 0.0 * m.of_z[i]
-    return total == 0.0
 
 
 def write_matrices(m, matrices):

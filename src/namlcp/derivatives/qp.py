@@ -43,7 +43,7 @@ from typing import Any
 import numpy as np
 
 from namlcp.checks import finite_matrix, vector
-from namlcp.derivatives.dense import DenseItem, refuse_faults
+from namlcp.derivatives.dense import DenseItem
 from namlcp.derivatives.face import (
     active_sets,
     dependencies,
@@ -122,10 +122,12 @@ class QPDerivative:
         _, y, z, _ = self.solution
         n = self.qp.q.size
         given = (
-            None if dx is None else vector("dx", dx, n, "x", (n,)),
-            None if dy is None else vector("dy", dy, y.size, "y", y.shape),
-            None if dz is None else vector("dz", dz, z.size, "z", z.shape),
-            None if dz_box is None else vector("dz_box", dz_box, n, "z_box", (n,)),
+            None if dx is None else vector("dx", dx, n, "x", (n,), True),
+            None if dy is None else vector("dy", dy, y.size, "y", y.shape, True),
+            None if dz is None else vector("dz", dz, z.size, "z", z.shape, True),
+            None
+            if dz_box is None
+            else vector("dz_box", dz_box, n, "z_box", (n,), True),
         )
         vectors, matrices = self.solve(given, True)
         q, h, b, lb, ub = vectors
@@ -141,7 +143,6 @@ class QPDerivative:
         """Return the gradients in q, h, b, lb and ub, small ones in P, G and A too."""
         if self.item is not None:
             return self.item.backward(cotangents, with_matrices)
-        refuse_faults(cotangents)
         pairs = zip(cotangents, self.solution, strict=True)
         given = (np.zeros(own.size) if v is None else v for v, own in pairs)
         gx, gy, gz, gz_box = given
