@@ -15,8 +15,8 @@ import numpy as np
 from namlcp.checks import refuse_number
 from namlcp.derivatives import (
     Found,
+    differentiate_batch,
     differentiate_items,
-    product_of,
     right_sides,
 )
 from namlcp.qp import QP, Point, available_cores, qp_data
@@ -99,17 +99,10 @@ class Stack:
         not solved have gradients 0.
         """
         flat = tuple(np.reshape(v, (self.size, -1)) for v in cotangents)
-        found, points = self.differentiated(flat)
-
-        def gradient(name: str) -> np.ndarray:
-            if name not in "PGA":
-                parts = getattr(found, name)
-                return parts if name in self.stacked else parts.sum(axis=0)
-            product = product_of(found, points, name)
-            return product.stacked() if name in self.stacked else product.on(None)
-
+        which = self.solved.reshape(-1)
+        found = differentiate_batch(self.items, self.points, which, flat, self.threads)
         return [
-            self.summed(k, gradient(k)) if asked and k in self.flat else None
+            self.summed(k, getattr(found, k)) if asked and k in self.flat else None
             for k, asked in zip(AXES, wanted, strict=True)
         ]
 
@@ -164,6 +157,7 @@ class Stack:
         return SimpleNamespace(
             shared=QP(**(absent | flat)),
             stacked={},
+            given=(None, None, None),
             item=lambda _: (qp_data(**arguments(flat)), None),
         )
 

@@ -16,7 +16,6 @@ from namlcp.derivatives.gradients import (
     LCPTangent,
     QPGradients,
     QPTangent,
-    product_of,
     right_sides,
 )
 from namlcp.derivatives.lcp import LCPDerivative
