@@ -10,14 +10,11 @@ import pytest
 from solves import SOLVES
 
 import namlcp
-from namlcp import QPResult
-from namlcp.result_base import FIELDS, LCP_FIELDS
 
 
 def bits(result) -> tuple:
     """Return all of a result but its times and its problem, byte for byte."""
-    names = FIELDS if isinstance(result, QPResult) else LCP_FIELDS
-    fields = {name: getattr(result, name) for name in names}
+    fields = {name: getattr(result, name) for name in type(result).__annotations__}
     return tuple(
         value.tobytes() if isinstance(value, np.ndarray) else repr(value)
         for name, value in fields.items()

@@ -1,19 +1,13 @@
-"""What a solve returns: a `QPResult` or an `LCPResult` without its methods."""
+"""What a solve returns: a `QPResult` or an `LCPResult` without its methods.
+
+A copy or a pickle keeps what these annotate, and leaves problem and factors behind.
+"""
+
+from functools import partial
 
 import cython
 
 from namlcp.residuals import Residuals
-
-FIELDS = (
-    "status", "x", "y", "z", "z_box", "obj", "residuals", "iterations", "form",
-    "message", "setup_time", "solve_time", "history", "closest",
-)  # fmt: skip
-"""What a result has, and what a copy or a pickle of it keeps."""
-LCP_FIELDS = (
-    "status", "z", "w", "s", "iterations", "residual", "method", "setup_time",
-    "solve_time", "ray", "message", "history",
-)  # fmt: skip
-
 
 NOTHING, EMPTY = (), ""
 
@@ -39,9 +33,7 @@ class ResultBase:
         return residuals_of(self.numbers)
 
     def __reduce__(self):
-        """Leave the problem and the factors behind."""
-        state = {name: getattr(self, name) for name in FIELDS}
-        return remade, (type(self), state)
+        return reduced(self)
 
 
 class LCPResultBase:
@@ -58,14 +50,14 @@ class LCPResultBase:
         self.stamp = stamp
 
     def __reduce__(self):
-        """Leave the problem and the factors behind."""
-        state = {name: getattr(self, name) for name in LCP_FIELDS}
-        return remade, (type(self), state)
+        return reduced(self)
 
 
-def remade(kind, state):
-    """Return a result that was pickled."""
-    return kind(**state)
+def reduced(result):
+    """Return what makes a result anew, for `__reduce__`."""
+    kind = type(result)
+    state = {name: getattr(result, name) for name in kind.__annotations__}
+    return partial(kind, **state), ()
 
 
 def residuals_of(numbers):

@@ -4,7 +4,7 @@ A result keeps the problem by reference, and is differentiated when it is asked.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, partial
 from operator import index
 from time import perf_counter
@@ -41,7 +41,7 @@ from namlcp.qp import (
     stamp_of,
 )
 from namlcp.residuals import Residuals
-from namlcp.result_base import FIELDS, LCP_FIELDS, LCPResultBase, ResultBase
+from namlcp.result_base import LCPResultBase, ResultBase
 from namlcp.status import Status
 
 LOST = (
@@ -53,6 +53,8 @@ CHANGED = (
     "been changed in place since (pass a copy to the solve)"
 )
 Array = TypeVar("Array")
+INNER = "problem", "stamp"
+"""What results of these classes keep for their derivatives."""
 SHORT = 8
 """Most entries of an array that is printed in full."""
 
@@ -63,7 +65,7 @@ class Public(type):
     These are the attributes in `data_of`, and the names in PUBLIC.
     """
 
-    PUBLIC: tuple[str, ...] = ()
+    PUBLIC = ()
 
     def __new__(kind, name: str, bases: Any, parts: dict[str, Any]) -> Any:
         """Let `dir` show of an object what it shows of the class."""
@@ -77,11 +79,7 @@ class Public(type):
 
 def data_of(kind: Any) -> tuple[str, ...]:
     """Return the names of the attributes of a class of results."""
-    if issubclass(kind, ResultBase):
-        return FIELDS
-    if issubclass(kind, LCPResultBase):
-        return LCP_FIELDS
-    return tuple(f.name for f in fields(kind) if f.repr) if is_dataclass(kind) else ()
+    return tuple(name for name in kind.__annotations__ if name not in INNER)
 
 
 def described(result: Any) -> str:

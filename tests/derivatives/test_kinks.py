@@ -6,7 +6,6 @@ import scipy.sparse as sp
 from problems_qp import QP, complementary
 
 import namlcp
-from namlcp.result_base import LCP_FIELDS
 from validation.derivatives.cases import (
     KINKS,
     around,
@@ -213,7 +212,7 @@ def test_an_indefinite_symmetric_lcp_is_factored_with_pivoting(kind):
     result = namlcp.solve_lcp(kind(np.eye(2)), [1.0, 2.0], -free, free)
     lcp, _ = result.problem
     lcp = lcp._replace(matrix=namlcp.Prepared(A))
-    parts = {name: getattr(result, name) for name in LCP_FIELDS}
+    parts = {name: getattr(result, name) for name in namlcp.LCPResult.__annotations__}
     parts |= {"z": np.array([-2.0, -1.0]), "problem": (lcp, A)}
     other = namlcp.LCPResult(**parts)
     assert np.allclose(other.backward(dz=[1.0, 0.0]).q, [0.0, -1.0])

@@ -19,9 +19,8 @@ from problems_qp import (
 )
 from walks_qp import FAMILIES, Walk, portfolio, sparse_portfolio
 
-from namlcp import Options, Solver, Status, qp_residuals, solve_qp
+from namlcp import Options, QPResult, Solver, Status, qp_residuals, solve_qp
 from namlcp.qp import qp_data
-from namlcp.result_base import FIELDS
 from validation.stress import campaign_relations
 
 INF = np.inf
@@ -298,7 +297,7 @@ def test_a_sparse_pattern_stays():
 def test_a_step_has_the_attributes_of_a_fresh_solve():
     data = Walk("half full", 1).data
     solver, fresh = Solver(**data), solve_qp(**data)
-    names = list(FIELDS)
+    names = list(QPResult.__annotations__)
     for name in set(names) - {"setup_time", "solve_time", "problem"}:
         first, expected = getattr(solver.solve(), name), getattr(fresh, name)
         if isinstance(expected, np.ndarray | float | tuple):
