@@ -26,7 +26,6 @@ from namlcp import (
     solve_lcp,
     solve_qp,
 )
-from namlcp.qpsolvers import nam_solve_qp
 from namlcp.scenes.friction import Bodies, Contacts, Scene, friction_lcp
 
 
@@ -280,7 +279,6 @@ def test_containers_that_lose_something_are_refused_in_a_line(door, text):
         solve_qp(EYE, -ONE, lb=0.0, ub=0.5).x,
         Solver(EYE, -ONE, lb=0.0, ub=0.5).solve().x,
         solve_batch(EYE, -ONE[None, :], lb=0.0, ub=0.5).x[0],
-        nam_solve_qp(EYE, -ONE, lb=0.0, ub=0.5),
         qpsolvers.solve_qp(EYE, -ONE, ub=np.float64(0.5), solver="nam"),
         solve_lcp(EYE, -ONE, 0.0, 0.5).z,
     ],

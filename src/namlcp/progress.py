@@ -1,8 +1,6 @@
 """The table of a solve's progress, printed when verbose and kept for the history."""
 
-import sys
 import time
-from typing import TextIO
 
 import numpy as np
 
@@ -18,16 +16,12 @@ COUNTS = ("iter", "active")
 class Progress:
     """Rows of one solve: kept for the history, printed when verbose.
 
-    To the columns the time [s] since the start is added as the last. `stream` is
-    standard output unless given.
+    To the columns the time [s] since the start is added as the last.
     """
 
-    def __init__(
-        self, columns: tuple[str, ...], verbose: bool, stream: TextIO | None = None
-    ):
+    def __init__(self, columns: tuple[str, ...], verbose: bool):
         self.columns = (*columns, "time")
         self.verbose = verbose
-        self.stream = stream
         self.start = time.perf_counter()
         self.rows: list[tuple] = []
         self.shown = True  # the last row was printed
@@ -36,7 +30,7 @@ class Progress:
     def say(self, text: str) -> None:
         """Print one line if verbose."""
         if self.verbose:
-            print(text, file=self.stream or sys.stdout, flush=True)
+            print(text, flush=True)
 
     def row(self, iteration: int, *values: float) -> None:
         """Keep a row, the iteration and the values of the other columns; print some."""

@@ -117,26 +117,6 @@ def solution(problem: "qpsolvers.Problem", result: QPResult) -> "qpsolvers.Solut
     )  # fmt: skip
 
 
-def nam_solve_qp(
-    P: Any,
-    q: Any,
-    G: Any = None,
-    h: Any = None,
-    A: Any = None,
-    b: Any = None,
-    lb: Any = None,
-    ub: Any = None,
-    initvals: Any = None,
-    verbose: bool = False,
-    **settings: Any,
-) -> np.ndarray | None:
-    """Return x of `nam_solve_problem`, or None where no solution was found."""
-    lb, ub = (np.asarray(v) if np.isscalar(v) else v for v in (lb, ub))
-    problem = qpsolvers.Problem(P, q, G, h, A, b, lb, ub)
-    answer = nam_solve_problem(problem, initvals, verbose, **settings)
-    return answer.x if answer.found else None
-
-
 def register() -> None:
     """Make solver="nam" known to qpsolvers; calling it again changes nothing.
 

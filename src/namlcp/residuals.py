@@ -17,11 +17,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from namlcp.linalg.csc import add_transposed, is_clean_csc, times
+from namlcp.linalg.csc import add_transposed, times
 from namlcp.measure import (
     largest_ratio,
     natural_squares,
-    residuals_of_columns,
     residuals_of_products,
 )
 
@@ -134,9 +133,6 @@ def qp_residuals(
             raise ValueError(f"{names} must have one shape, got {both}")
     vectors = tuple(np.ascontiguousarray(v, float) for v in (q, h, b, lb, ub))
     point = tuple(np.ascontiguousarray(v, float) for v in (x, y, z, z_box))
-    wanted = (x.size, x.size), (z.size, x.size), (y.size, x.size)
-    if (P.shape, G.shape, A.shape) == wanted and all(map(is_clean_csc, (P, G, A))):
-        return Residuals(*residuals_of_columns(P, G, A, vectors, point))
     Gtz, Aty = np.zeros((2, x.size))
     add_transposed(G, z, Gtz)
     add_transposed(A, y, Aty)

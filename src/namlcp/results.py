@@ -705,11 +705,8 @@ class BatchResult(metaclass=Public):
             raise IndexError(f"the batch has {len(self)} items, got item {i}")
         number = range(len(self))[i]
         return QPResult(
+            **{name: getattr(self, name)[i] for name in Point._fields},
             status=STATUSES[self.codes[i]],
-            x=self.x[i],
-            y=self.y[i],
-            z=self.z[i],
-            z_box=self.z_box[i],
             obj=float(self.obj[i]),
             residuals=Residuals(*self.residuals[i].item()),
             iterations=int(self.iterations[i]),
@@ -755,13 +752,10 @@ def qp_result(
 
     start, ready: the values of perf_counter() at the call and after its checks.
     """
-    (x, y, z, z_box), closest = outcome.point, outcome.closest
+    closest = outcome.closest
     return QPResult(
+        **dict(zip(Point._fields, outcome.point, strict=True)),
         status=outcome.status,
-        x=x,
-        y=y,
-        z=z,
-        z_box=z_box,
         obj=OBJECTIVE.get(outcome.status, outcome.residuals.objective),
         residuals=outcome.residuals,
         iterations=outcome.iterations,
