@@ -84,15 +84,14 @@ class Face(NamedTuple):
         """Return the QP of stage 2."""
         C, d, equal = self.rows.C, self.rows.d + self.r, self.held
         bounded = np.flatnonzero(self.sense)
-        sense, G, h = self.sense[bounded], chosen(C, bounded), d[bounded]
-        if (sense < 0).any():
-            h = sense * h
-            if isinstance(G, np.ndarray):
-                G = sense[:, None] * G
-            else:
-                turned = G.indptr, G.indices, sense[G.indices] * G.data
-                G = from_arrays(turned, G.shape)
-        return QP(qp.P, qp.q, G, h, chosen(C, equal), d[equal], self.lb, self.ub)
+        sense, G, A = self.sense[bounded], chosen(C, bounded), chosen(C, equal)
+        if isinstance(G, np.ndarray):
+            G = sense[:, None] * G
+        else:
+            turned = G.indptr, G.indices, sense[G.indices] * G.data
+            G = from_arrays(turned, G.shape)
+        h = sense * d[bounded]
+        return QP(qp.P, qp.q, G, h, A, d[equal], self.lb, self.ub)
 
     @property
     def held(self) -> np.ndarray:
