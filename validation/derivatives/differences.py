@@ -25,7 +25,7 @@ import numpy as np
 import scipy.sparse as sp
 
 import namlcp
-from namlcp.derivatives.face import active_sets
+from namlcp.derivatives.marks import sides_of
 from namlcp.qp import QP
 from validation.derivatives import cases
 from validation.harness import Job, Row
@@ -118,7 +118,7 @@ def regular_qp(seed: int) -> tuple[float, float]:
     result = namlcp.solve_qp(*given)
     d = cases.direction(qp, seed)
     tangent = result.forward(**{f"d{name}": change for name, change in d.items()})
-    held, _, _ = active_sets(result.derivative.qp, result.derivative.solution)
+    held, _, _ = sides_of(result.derivative.qp, result.derivative.solution)
     _, rows, side = np.split(held, [p, p + m])
     rows = np.flatnonzero(rows)
     value = qp_solution(qp, rows, side)

@@ -24,14 +24,10 @@ from typing import Any
 import numpy as np
 from scipy.sparse import vstack
 
-from namlcp.derivatives.face import (
-    active_sets,
-    dependencies,
-    factored,
-    signs,
-)
+from namlcp.derivatives.face import dependencies, factored, signs
 from namlcp.derivatives.gradients import LCPTangent, QPTangent, right_sides
 from namlcp.derivatives.lcp import LCPDerivative
+from namlcp.derivatives.marks import sides_of
 from namlcp.derivatives.qp import QPDerivative
 from namlcp.lcp import ACCURACY, lcp_data, solve_by_method
 from namlcp.limits import Limits
@@ -44,10 +40,10 @@ def qp_directional(derivative: QPDerivative, changes: dict[str, Any]) -> QPTange
     if not derivative.weak and not derivative.singular:
         return derivative.forward(changes)
     qp, d = derivative.qp, derivative.direction(changes)
-    _, whole, _ = active_sets(qp, derivative.solution)
+    _, whole, _ = sides_of(qp, derivative.solution)
     point = steepest(derivative, whole, d)
     r, dh, db = right_sides(d, point)
-    held, _, _ = active_sets(qp, point)
+    held, _, _ = sides_of(qp, point)
     p, rows = qp.b.size, qp.b.size + qp.h.size
     side, fixed = whole[rows:], held[rows:] != 0
     strict = np.flatnonzero(held[p:rows])

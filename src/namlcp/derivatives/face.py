@@ -12,7 +12,6 @@ one plus N t, with the signs that rows and bounds want.
 import numpy as np
 
 from namlcp.derivatives.factors import DenseFactors, KKTFactors
-from namlcp.derivatives.marks import sides_of
 from namlcp.linalg import by_rows, submatrix
 from namlcp.qp import KKT, QP, Point
 
@@ -21,19 +20,6 @@ VANISHED = 1e-9
 
 INDEPENDENT = 1e-6
 """A combination of null vectors counts as 0 in the multipliers below this norm."""
-
-
-def active_sets(qp: QP, point: Point) -> tuple[np.ndarray, np.ndarray, int]:
-    """Return the strictly active constraints, all active ones, and how many are weak.
-
-    Both as sides (p + m + n,) of the rows of A and G and the variables: 1 for a row, -1
-    and 1 at a lower and an upper bound, 0 where the constraint is not active. A pinned
-    variable (lb_j = ub_j) always counts as strictly active, at the bound that its
-    multiplier presses on.
-    """
-    sides, weak = sides_of(qp, point)
-    strict, whole = np.hstack((np.ones((2, qp.b.size), np.int8), sides))
-    return strict, whole, weak
 
 
 def factored(qp: QP, held: np.ndarray) -> DenseFactors | KKTFactors:

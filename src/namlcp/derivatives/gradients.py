@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
-from namlcp.checks import from_arrays, sparse_matrix, vector
+from namlcp.checks import finite_matrix, from_arrays, sparse_matrix, vector
 from namlcp.derivatives.dense import add_rank_two_at, rank_two
 from namlcp.qp import Point
 
@@ -120,8 +120,13 @@ class QPGradients:
     P, G, A = map(formed, "PGA")
 
 
-def change(name: str, value: Any, other: str, own: np.ndarray) -> np.ndarray:
-    """Return a finite vector of the caller, shaped as `own` is; 0 if it is None."""
+def change(name: str, value: Any, other: str, own: Any) -> Any:
+    """Return finite numbers of the caller, shaped as `own` is.
+
+    In place of None there is a vector of zeros, of a matrix None.
+    """
+    if own.ndim == 2:
+        return None if value is None else finite_matrix(name, value, other, own.shape)
     if value is None:
         return np.zeros(own.size)
     return vector(name, value, own.size, other, own.shape, finite=True)

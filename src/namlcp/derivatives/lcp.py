@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csc_array, csr_array
 
-from namlcp.checks import finite_matrix, from_arrays, no_rows
+from namlcp.checks import from_arrays, no_rows
 from namlcp.derivatives.factors import DenseFactors, KKTFactors, SparseFactors
 from namlcp.derivatives.gradients import LCPGradients, LCPTangent, RankTwo, change
 from namlcp.derivatives.marks import sides_of_lcp
@@ -92,10 +92,10 @@ class LCPDerivative:
         self, dA: Any, dq: Any, dlower: Any, dupper: Any
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return dA z + dq, dlower and dupper for a direction of the data."""
-        q = self.lcp.q
+        q, dA = self.lcp.q, change("dA", dA, "A", self.lcp.A)
         r = change("dq", dq, "q", q)
         if dA is not None:
-            r = r + finite_matrix("dA", dA, "A", self.lcp.A.shape) @ self.z
+            r = r + dA @ self.z
         return r, change("dlower", dlower, "q", q), change("dupper", dupper, "q", q)
 
 

@@ -2,8 +2,9 @@
 
 A constraint is strictly active if its multiplier is not 0, and weakly active if its
 multiplier is 0 although it holds with equality; there the solution has a kink. The
-sides (m + n,) of the rows of G and of the variables are 1 at h or ub, -1 at lb, 0 where
-the constraint is not active: `strict` those of strictly active ones, `whole` of all.
+sides of constraints are 1 for a row and at ub, -1 at lb, 0 where the constraint is not
+active: `strict` those of strictly active ones, `whole` of all. A pinned variable (lb_j
+= ub_j) always counts as strictly active, at the bound that its multiplier presses on.
 """
 
 import cython
@@ -24,11 +25,14 @@ ACTIVE = 1e-8
 
 
 def sides_of(qp, point):
-    """Return the sides (2, m + n) int8, `strict` and `whole`, and the count of weak."""
+    """Return `strict` and `whole` (p + m + n,), and how many constraints are weak.
+
+    These are the sides of the rows of A, of those of G, and of the variables.
+    """
     t: Terms
     (P, q, _, h, A, b, lb, ub), (x, y, z, z_box) = qp, point
     set_terms(cython.address(t), (q, h, b, lb, ub), tuple(point))
-    n, m, G = t.n, t.m, as_sparse(qp.G)
+    n, m, p, G = t.n, t.m, t.p, as_sparse(qp.G)
     Gtz, Aty = np.zeros((2, n))
     add_transposed(qp.G, z, Gtz)
     add_transposed(A, y, Aty)
@@ -38,13 +42,14 @@ def sides_of(qp, point):
     np.maximum.at(share, G.indices, entries * np.repeat(size, np.diff(G.indptr)))
     share *= z
     norms, Gx = np.sqrt(np.bincount(G.indices, entries * entries, m)), times(qp.G, x)
-    sides = np.empty((2, m + n), np.int8)
-    strict = signs(sides, 2 * (m + n))
+    sides = np.ones((2, p + m + n), np.int8)
+    strict = signs(sides, 2 * (p + m + n)) + p
     t.Gx = numbers(Gx, m)
-    return sides, mark(
+    weak = mark(
         cython.address(t), numbers(share, m), numbers(norms, m), numbers(size, n),
-        strict, strict + m + n,
+        strict, strict + p + m + n,
     )  # fmt: skip
+    return *sides, weak
 
 
 def sides_of_lcp(q, lower, upper, slopes, z, w):
@@ -80,8 +85,7 @@ def sides_of_lcp(q, lower, upper, slopes, z, w):
 def mark(t, share, norms, size, strict, whole):
     """Set the sides; return how many constraints are weak.
 
-    A pinned variable (lb_j = ub_j) always counts as strictly active, at the bound that
-    its multiplier presses on. share: a number that exceeds ACTIVE where z_i does not
+    share: a number that exceeds ACTIVE where z_i does not
     count as 0; norms: of the rows of G; size: the inverse of the
     largest term of each column of the stationarity condition, or 0.
     """

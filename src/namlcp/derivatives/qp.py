@@ -42,14 +42,9 @@ from typing import Any
 
 import numpy as np
 
-from namlcp.checks import finite_matrix, vector
+from namlcp.checks import vector
 from namlcp.derivatives.dense import DenseItem
-from namlcp.derivatives.face import (
-    active_sets,
-    dependencies,
-    factored,
-    independent,
-)
+from namlcp.derivatives.face import dependencies, factored, independent
 from namlcp.derivatives.gradients import (
     QPGradients,
     QPTangent,
@@ -57,6 +52,7 @@ from namlcp.derivatives.gradients import (
     product_of,
     right_sides,
 )
+from namlcp.derivatives.marks import sides_of
 from namlcp.linalg import add_transposed, times
 from namlcp.qp import QP, Point
 
@@ -73,7 +69,7 @@ class QPDerivative:
     point : Point
         The solution, with multipliers 0 of constraints that are not held.
     held, factors : array, DenseFactors or KKTFactors
-        Else the sides of the constraints held, see `active_sets`, and the factors of K.
+        Else the sides of the constraints held, see `marks`, and the factors of K.
     weak : int
         How many constraints are active with a multiplier 0.
     singular : bool
@@ -104,7 +100,7 @@ class QPDerivative:
     def hold(self) -> None:
         """Choose the constraints to hold, and factor K, as the module describes."""
         qp, point = self.qp, self.solution
-        strict, whole, self.weak = active_sets(qp, point)
+        strict, whole, self.weak = sides_of(qp, point)
         self.singular = False
         for held in (strict, whole) if self.weak else (strict,):
             self.held, self.point, self.factors = held, point, factored(qp, held)
@@ -185,13 +181,5 @@ class QPDerivative:
 
     def direction(self, changes: dict[str, Any]) -> dict[str, Any]:
         """Return the changes of the data by their names; an absent matrix is None."""
-        out: dict[str, Any] = {}
-        for name, own in zip(QP._fields, self.qp, strict=True):
-            value = changes[name]
-            if own.ndim == 1:
-                out[name] = change(f"d{name}", value, name, own)
-            elif value is None:
-                out[name] = None
-            else:
-                out[name] = finite_matrix(f"d{name}", value, name, own.shape)
-        return out
+        pairs = zip(QP._fields, self.qp, strict=True)
+        return {k: change(f"d{k}", changes[k], k, own) for k, own in pairs}
