@@ -19,9 +19,9 @@ from cvxpy.reductions.solvers.utilities import extract_dual_value, get_dual_valu
 
 import namlcp
 from namlcp.options import Options
-from namlcp.qp import NO_GUESS, QP, NotConvex, OtherShape, qp_data, solve_checked
+from namlcp.qp import NO_GUESS, QP, NotConvex, OtherShape, solve_checked
 from namlcp.results import ClosestPoint, QPResult, qp_result
-from namlcp.solve import Solver, solve_problem
+from namlcp.solve import Solver, solve_arguments
 from namlcp.status import Status
 
 KEYWORD = "NAM"
@@ -104,10 +104,9 @@ class NAM(QpSolver):
         try:
             known = cache.get(KEYWORD) if warm_start else None
             if known is None:
-                P, q, F, g, A, b = arguments(data)
-                qp, given = qp_data(P, q, F, g, A, b, None, None), (P, F, A)
-                result = solve_problem((qp, given), options, NO_GUESS, start)
-                cache[KEYWORD] = result
+                whole = *arguments(data), None, None
+                cache[KEYWORD] = result = solve_arguments(whole, options, start)
+                qp = result.problem[0]
             else:
                 solver, last = solver_of(data, known)
                 solver.options = options

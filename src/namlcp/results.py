@@ -463,7 +463,7 @@ class QPResult(Single, ResultBase):
             raise ValueError(CHANGED)
         if base.kept is None:
             point = Point(self.x, self.y, self.z, self.z_box)
-            base.kept = QPDerivative(qp, given, point, base.factors)
+            base.kept = QPDerivative(qp, point, given, base.factors)
         return base.kept
 
 

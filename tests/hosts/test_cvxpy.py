@@ -96,7 +96,7 @@ def test_whatever_the_solver_throws_is_a_solver_error(monkeypatch):
     def fail(*_, **__):
         raise KeyError("inside")
 
-    monkeypatch.setattr("namlcp.cvxpy.solve_problem", fail)
+    monkeypatch.setattr("namlcp.cvxpy.solve_arguments", fail)
     with pytest.raises(SolverError, match=r"namlcp failed: KeyError\('inside'\)"):
         portfolio()[0].solve(solver=NAM())
 

@@ -82,7 +82,7 @@ def differentiate_items(
     def work(k: int) -> None:
         i = chosen[k]
         point = Point(*(v[i] for v in points))
-        derivative = QPDerivative(items.item(i)[0], (None, None, None), point)
+        derivative = QPDerivative(items.item(i)[0], point)
         vectors, _ = derivative.solve(tuple(v if v is None else v[i] for v in parts))
         for own, vector in zip(found, vectors, strict=False):
             own[i] = vector

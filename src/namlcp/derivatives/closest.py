@@ -20,9 +20,6 @@ from namlcp.derivatives.gradients import QPGradients, RankTwo, change, product_o
 from namlcp.derivatives.qp import QPDerivative
 from namlcp.qp import QP, Face, Point
 
-ITS_OWN = (None, None, None)
-"""The matrices of a stage, which no user has given."""
-
 
 class ClosestDerivative:
     """The factors of both stages."""
@@ -40,8 +37,8 @@ class ClosestDerivative:
             for name, user in zip("PGA", given, strict=True)
         }
         stage, its_point = face.least_shifts(point.x)
-        self.first = QPDerivative(stage, ITS_OWN, its_point)
-        self.second = QPDerivative(easier, ITS_OWN, point)
+        self.first = QPDerivative(stage, its_point)
+        self.second = QPDerivative(easier, point)
 
     def backward(self, dx: Any, dshift_h: Any, dshift_b: Any) -> QPGradients:
         qp, face = self.qp, self.face

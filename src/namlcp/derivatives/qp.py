@@ -79,8 +79,8 @@ class QPDerivative:
     def __init__(
         self,
         qp: QP,
-        given: tuple[Any, Any, Any],
         point: Point,
+        given: tuple[Any, Any, Any] = (None, None, None),
         factors: Any = None,
     ) -> None:
         """Factor; `given`: P, G and A of the user, None for those of qp.

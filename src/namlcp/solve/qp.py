@@ -1,4 +1,4 @@
-"""The public function `solve_qp`, and its results for those with data of their own."""
+"""The public function `solve_qp`, and `solve_arguments` for other interfaces."""
 
 from time import perf_counter
 from typing import Any
@@ -7,10 +7,8 @@ from namlcp.options import DEFAULT_OPTIONS, Options, check_flag
 from namlcp.progress import QP_COLUMNS, Progress
 from namlcp.qp import (
     NO_GUESS,
-    QP,
     Code,
     DenseActiveSet,
-    Guess,
     Memory,
     make_guess,
     qp_data,
@@ -130,7 +128,7 @@ def solve_arguments(
     arguments: tuple[Any, ...],
     options: Options,
     start: float,
-    tried: DenseActiveSet | None,
+    tried: DenseActiveSet | None = None,
     x0: Any = None,
     warm_start: Any = None,
     history: bool = False,
@@ -142,31 +140,17 @@ def solve_arguments(
     `tried`: what `solve_small` returned if it failed, None if it was not called.
     """
     P, _, G, _, A, *_ = arguments
-    problem, guess, memory = (qp_data(*arguments), (P, G, A)), NO_GUESS, None
+    qp, given, guess, memory = qp_data(*arguments), (P, G, A), NO_GUESS, None
     if not (x0 is None and warm_start is None):
-        guess = make_guess(problem[0], x0, warm_start, name)
+        guess = make_guess(qp, x0, warm_start, name)
     if tried is not None and tried.code not in RETRIED:
         memory = Memory()
         memory.dense_failed = True
-    return solve_problem(problem, options, guess, start, history, memory, derivative)
-
-
-def solve_problem(
-    problem: tuple[QP, tuple[Any, Any, Any]],
-    options: Options,
-    guess: Guess,
-    start: float,
-    history: bool = False,
-    memory: Memory | None = None,
-    derivative: bool = False,
-) -> QPResult:
-    """Return the result of `solve_checked`; `problem`: as for `qp_result`."""
-    qp, given = problem
     progress = Progress(QP_COLUMNS, options.verbose) if history else None
     ready = perf_counter()
     answer = solve_checked(qp, options, guess, start, progress, memory, given)
     rows = progress.history() if progress is not None else None
-    result = qp_result(answer, problem, start, ready, rows)
+    result = qp_result(answer, (qp, given), start, ready, rows)
     result.stamp = stamp_of(qp)
     if derivative:
         result.factors = answer.factors
