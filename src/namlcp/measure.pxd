@@ -45,4 +45,3 @@ cpdef double natural_squares(object z, object w, object lower, object upper, dou
 cpdef tuple natural_residuals(object z, object w, object lower, object upper, object d)
 cdef (double, double) both_residuals(const double* z, const double* w, const double* lower, const double* upper, const double* d, Py_ssize_t n) noexcept nogil
 cpdef bint are_met(double eps_abs, double eps_rel, double size, double plain, double scaled) noexcept nogil
-cpdef void modulus_variable(const double[::1] z, const double[::1] w, const double[::1] omega, double[::1] s) noexcept

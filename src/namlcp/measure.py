@@ -287,9 +287,3 @@ def are_met(eps_abs, eps_rel, size, plain, scaled):
     size: Res(clip(0)) of the problem scaled to a unit diagonal.
     """
     return plain < eps_abs or scaled <= eps_rel * size < INFINITY
-
-
-def modulus_variable(z, w, omega, s):
-    """Overwrite s by z - w / omega: at a solution z = clip(s) and w = omega (z - s)."""
-    for i in range(z.shape[0]):
-        s[i] = z[i] - w[i] / omega[i]

@@ -29,7 +29,6 @@ from namlcp.derivatives import (
 from namlcp.lcp import LCP, Operator, Prepared, solve_small
 from namlcp.linalg import times
 from namlcp.linalg.arrays import stamp_of_arrays
-from namlcp.measure import modulus_variable
 from namlcp.outcome import OBJECTIVE, Outcome
 from namlcp.qp import (
     QP,
@@ -808,8 +807,8 @@ def lcp_result(
     """
     (z, w, s), (lcp, _) = outcome.point, problem
     if s is None:
-        s = np.empty(z.size)
-        modulus_variable(z, w, lcp.matrix.slopes, s)
+        with np.errstate(all="ignore"):  # of numbers that are not finite
+            s = z - w / lcp.matrix.slopes
     stamp = None
     if not isinstance(lcp.A, Operator):  # which has no derivatives
         stamp = stamp_of_arrays(vectors, lcp.matrix.stamp), vectors

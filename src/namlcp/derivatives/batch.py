@@ -14,13 +14,7 @@ from namlcp.derivatives.dense import differentiate_items as differentiate_part
 from namlcp.derivatives.gradients import QPGradients, product_of
 from namlcp.derivatives.qp import QPDerivative
 from namlcp.options import check_count
-from namlcp.qp import Items, Point, available_cores, on_threads
-
-MOST_WORK = 1e8
-"""Operations of one compiled call at most, about: until its end Ctrl-C is not seen."""
-
-CHUNKS = 8
-"""Calls for each thread at least, so that all threads end at about the same time."""
+from namlcp.qp import Items, Point, available_cores, chunks_of, on_threads
 
 
 class Found(NamedTuple):
@@ -68,15 +62,12 @@ def differentiate_items(
         given = (items.shared._asdict() | items.stacked).values()
         clean = (clean_copy(v, np.float64) for v in given)
         arrays, dense = (*clean, *points, *parts), chosen
-        most = max(int(MOST_WORK / ((n + m + p) * n * n + 1)), 1)
-        length = max(min(-(-dense.size // (CHUNKS * threads)), most), 1)
-        starts = range(0, dense.size, length)
+        chunks = chunks_of(dense.size, (n + m + p) * n * n, threads)
 
         def work_on_part(k: int) -> None:
-            part = dense[starts[k] : starts[k] + length]
-            differentiate_part(part, arrays, found)
+            differentiate_part(dense[chunks[k]], arrays, found)
 
-        on_threads(work_on_part, len(starts), threads)
+        on_threads(work_on_part, len(chunks), threads)
         chosen = dense[~found.regular[dense]]
 
     def work(k: int) -> None:

@@ -16,6 +16,7 @@ from namlcp.qp.sequences import (
     OtherShape,
     QPSequence,
     available_cores,
+    chunks_of,
     on_threads,
     solve_items,
 )

@@ -4,6 +4,7 @@ from namlcp.qp.sequences.batch import (
     STATUSES,
     Items,
     available_cores,
+    chunks_of,
     on_threads,
     solve_items,
 )

@@ -200,10 +200,7 @@ def solve_stack(
     outs = found.x, found.y, found.z, found.z_box, numbers
     firsts = [M[0] if M.ndim > 2 else M for M in arrays[:6:2]]
     work = 4.0 * qp.q.size * (qp.q.size + qp.h.size) * (qp.q.size + order)
-    length = min(
-        -(-size // (CHUNKS * threads)), max(int(MOST_WORK / max(work, 1.0)), 1)
-    )
-    starts = range(0, size, length or 1)
+    chunks = chunks_of(size, work, threads)
     spaces: list[Any] = []
 
     def solve_chunk(k: int) -> None:
@@ -212,15 +209,14 @@ def solve_stack(
         except IndexError:
             space = DenseActiveSet()
             attach(space, *firsts, True)
-        end = min(starts[k] + length, size)
         solve_dense_items(
-            space, arrays, stacked, starts[k], end, options.settings, outs, codes,
-            found.iterations,
+            space, arrays, stacked, chunks[k].start, chunks[k].stop, options.settings,
+            outs, codes, found.iterations,
         )  # fmt: skip
         spaces.append(space)
 
     with blas_threads(1, order):
-        on_threads(solve_chunk, len(starts), threads)
+        on_threads(solve_chunk, len(chunks), threads)
     found.obj[:] = found.residuals["objective"]
     found.form[:], left = "dual", np.full(size, True)
     for code, status in OUTCOMES.items():
@@ -232,6 +228,13 @@ def solve_stack(
     if options.relaxation:
         left |= codes == Code.CONTRADICTION
     return np.flatnonzero(left)
+
+
+def chunks_of(size: int, work: float, threads: int) -> list[slice]:
+    """Cut so many items into chunks for threads; an item takes `work` operations."""
+    most = max(int(MOST_WORK / max(work, 1.0)), 1)
+    length = max(min(-(-size // (CHUNKS * threads)), most), 1)
+    return [slice(k, min(k + length, size)) for k in range(0, size, length)]
 
 
 def on_threads(work: Callable[[int], None], size: int, threads: int) -> None:
