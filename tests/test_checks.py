@@ -103,6 +103,7 @@ def test_any_order_of_entries_becomes_canonical(case, kind, layout):
     major, minor = exact.shape if layout == "csr" else exact.shape[::-1]
     order = checks.index_order(clean.indptr, clean.indices, major, minor)
     assert order == checks.Order.CANONICAL
-    assert checks.has_clean_arrays(clean)
+    assert clean.data.dtype == float
+    assert clean.data.flags.carray
     assert clean.indices.dtype == clean.indptr.dtype == np.int32
     assert clean.format == layout

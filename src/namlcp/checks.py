@@ -194,19 +194,6 @@ def narrow(indices: np.ndarray) -> np.ndarray | None:
     return narrowed(np.ascontiguousarray(indices, np.int64))
 
 
-def has_clean_arrays(value: Any) -> bool:
-    """Tell whether the arrays of a CSR or CSC matrix can go to compiled code."""
-    indptr, indices = value.indptr, value.indices
-    return (
-        is_clean(value.data, 1)
-        and indices.dtype == INDEX
-        and indptr.dtype == INDEX
-        and indices.flags.carray
-        and indptr.flags.carray
-        and value.data.size == indices.size == indptr[-1]
-    )
-
-
 def refuse_view(name: str, value: Any) -> None:
     """Raise a MemoryError for a matrix, perhaps a view of one number, too large."""
     if isinstance(value, np.ndarray) and value.ndim <= 2:

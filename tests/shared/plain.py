@@ -171,7 +171,8 @@ GIVEN = {
     ),
     "namlcp.box": SimpleNamespace(clip=None, deviation=None),
     "namlcp.linalg.arrays": SimpleNamespace(
-        data_of=None, indices=None, new_vector=None, numbers=None, places=None
+        are_places=None, data_of=None, fits=None, indices=None, new_vector=None,
+        numbers=None, places=None,
     ),
     "namlcp.linalg.sparse_ldl": SimpleNamespace(Factors=None, as_array=None),
     "namlcp.linalg.blas": SimpleNamespace(

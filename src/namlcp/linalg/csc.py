@@ -12,11 +12,11 @@ import cython
 import numpy as np
 from cython import Py_ssize_t
 from cython.cimports.libc.math import fabs, sqrt
+from cython.cimports.namlcp.linalg.arrays import are_places, fits, numbers, places
 from cython.cimports.namlcp.linalg.arrays import indices as longs
-from cython.cimports.namlcp.linalg.arrays import numbers, places
 from scipy.sparse import csr_array
 
-from namlcp.checks import as_sparse, from_arrays, has_clean_arrays
+from namlcp.checks import as_sparse, from_arrays
 from namlcp.entries import constant, transposed
 from namlcp.limits import NEVER
 
@@ -152,7 +152,11 @@ def add_transposed(M, z, out):
 
 def is_clean_csc(M):
     """Tell whether M is a CSC matrix whose arrays can go to compiled code."""
-    return getattr(M, "format", "") == "csc" and has_clean_arrays(M)
+    if getattr(M, "format", "") != "csc":
+        return False
+    size, indptr, indices = M.data.size, M.indptr, M.indices
+    is_clean = fits(M.data, 1) and are_places(indices) and are_places(indptr)
+    return is_clean and size == indices.size == indptr[-1]
 
 
 def write_squares(parts, weight, indptr, indices, data):
