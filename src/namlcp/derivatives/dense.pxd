@@ -46,10 +46,8 @@ cdef class DenseItem:
         bint keeps
         object arrays
 
-cdef tuple sizes_of(Py_ssize_t n, Py_ssize_t m, Py_ssize_t p)
 cdef int locate(tuple arrays, tuple sizes, Py_ssize_t count, double* absent, double** start, Py_ssize_t* step) except -1
-cdef void set_solved(DenseItem m, double** start, const Py_ssize_t* step, Py_ssize_t i) noexcept nogil
-cdef void set_cotangents(DenseItem m, double** start, const Py_ssize_t* step, Py_ssize_t i) noexcept nogil
+cdef void set_item(DenseItem m, double** start, const Py_ssize_t* step, Py_ssize_t i) noexcept nogil
 cdef void mark_item(DenseItem m) noexcept nogil
 cdef bint serves(DenseActiveSet own, DenseItem m) noexcept nogil
 cdef bint factor(DenseItem m) noexcept nogil

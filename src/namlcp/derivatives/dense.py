@@ -34,6 +34,7 @@ from cython.cimports.namlcp.linalg.dense import (
     triangle_solve_transposed,
 )
 from cython.cimports.namlcp.linalg.vectors import add_scaled, copy, dot, fill
+from cython.cimports.namlcp.measure import set_terms
 from cython.cimports.namlcp.qp.active.dense import DenseActiveSet
 from cython.cimports.namlcp.qp.active.engine import response_of
 
@@ -79,13 +80,12 @@ class DenseItem:
 
         Return whether its KKT system has good factors.
         """
-        start = cython.declare(cython.p_double[12])
-        step = cython.declare(Py_ssize_t[12])
+        (P, q, G, h, A, b, lb, ub), n = qp, self.qp.n
         regular: cython.bint = True
         self.arrays = *qp, *point
-        sizes = sizes_of(self.qp.n, self.qp.m, self.qp.p)
-        locate(self.arrays, sizes, 1, self.zero, start, step)
-        set_solved(self, start, step, 0)
+        set_terms(cython.address(self.qp), (q, h, b, lb, ub), self.arrays[8:])
+        self.P, self.G = numbers(P, n * n), numbers(G, self.qp.m * n)
+        self.A = numbers(A, self.qp.p * n)
         mark_item(self)
         if isinstance(kept, DenseActiveSet):
             self.kept = kept
@@ -106,7 +106,8 @@ class DenseItem:
         q, h, b = np.empty(n), np.empty(m), np.empty(p)
         lb, ub = np.empty(n), np.empty(n)
         locate(cotangents, (n, p, m, n), 1, self.zero, start, step)
-        set_cotangents(self, start, step, 0)
+        self.of_x, self.of_y = start[0], start[1]
+        self.of_z, self.of_box = start[2], start[3]
         self.u, self.lam, self.nu = numbers(q, n), numbers(h, m), numbers(b, p)
         self.lower, self.upper = numbers(lb, n), numbers(ub, n)
         solve_item(self)
@@ -131,7 +132,7 @@ def differentiate_items(chosen, arrays, found):
     start = cython.declare(cython.p_double[ARRAYS])
     step = cython.declare(Py_ssize_t[ARRAYS])
     item: DenseItem = DenseItem(n, m, p)
-    sizes = *sizes_of(n, m, p), n, p, m, n
+    sizes = n * n, n, m * n, m, p * n, p, n, n, n, p, m, n, n, p, m, n
     locate(arrays, sizes, count, item.zero, start, step)
     q, h = numbers(found.q, count * n), numbers(found.h, count * m)
     b, lb = numbers(found.b, count * p), numbers(found.lb, count * n)
@@ -143,8 +144,7 @@ def differentiate_items(chosen, arrays, found):
     with cython.nogil:
         for t in range(length):
             i = which[t]
-            set_solved(item, start, step, i)
-            set_cotangents(item, start + 12, step + 12, i)
+            set_item(item, start, step, i)
             item.u, item.lam, item.nu = q + i * n, h + i * m, b + i * p
             item.lower, item.upper = lb + i * n, ub + i * n
             mark_item(item)
@@ -154,11 +154,6 @@ def differentiate_items(chosen, arrays, found):
                 solve_item(item)
             for k in range(m + n):
                 side[i * (m + n) + k] = item.strict[k]
-
-
-def sizes_of(n, m, p):
-    """Return how many numbers P, q, G, h, A, b, lb, ub, x, y, z and z_box have."""
-    return n * n, n, m * n, m, p * n, p, n, n, n, p, m, n
 
 
 def locate(arrays, sizes, count, absent, start, step):
@@ -178,8 +173,8 @@ def locate(arrays, sizes, count, absent, start, step):
     return 0
 
 
-def set_solved(m, start, step, i):
-    """Take item i of the data and solutions that `locate` has found."""
+def set_item(m, start, step, i):
+    """Take item i of the arrays that `locate` has found."""
     qp = cython.address(m.qp)
     m.P, qp.q = start[0] + i * step[0], start[1] + i * step[1]
     m.G, qp.h = start[2] + i * step[2], start[3] + i * step[3]
@@ -187,12 +182,8 @@ def set_solved(m, start, step, i):
     qp.lb, qp.ub = start[6] + i * step[6], start[7] + i * step[7]
     qp.x, qp.y = start[8] + i * step[8], start[9] + i * step[9]
     qp.z, qp.z_box = start[10] + i * step[10], start[11] + i * step[11]
-
-
-def set_cotangents(m, start, step, i):
-    """Take item i of the gradients in the solution."""
-    m.of_x, m.of_y = start[0] + i * step[0], start[1] + i * step[1]
-    m.of_z, m.of_box = start[2] + i * step[2], start[3] + i * step[3]
+    m.of_x, m.of_y = start[12] + i * step[12], start[13] + i * step[13]
+    m.of_z, m.of_box = start[14] + i * step[14], start[15] + i * step[15]
 
 
 def mark_item(m):
