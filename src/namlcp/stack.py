@@ -149,16 +149,10 @@ class Stack:
 
     @cached_property
     def items(self) -> Any:
-        """The QP as the `Items` of a batch, but for checks and stamps of its arrays."""
-        flat, n = self.flat, self.flat["q"].size
-        absent: Arrays = {"lb": np.full(n, -np.inf), "ub": np.full(n, np.inf)}
-        absent |= dict.fromkeys("GA", np.empty((0, n)))
-        absent |= dict.fromkeys("hb", np.empty(0))
+        """A single QP as the `Items` of a batch."""
+        qp, given = qp_data(**arguments(self.flat)), (None, None, None)
         return SimpleNamespace(
-            shared=QP(**(absent | flat)),
-            stacked={},
-            given=(None, None, None),
-            item=lambda _: (qp_data(**arguments(flat)), None),
+            shared=qp, stacked={}, given=given, item=lambda _: (qp, given)
         )
 
     @cached_property
