@@ -31,11 +31,7 @@ class ClosestDerivative:
 
         `easier` and `point` are stage 2 and its solution.
         """
-        self.face, (self.qp, given) = face, problem
-        self.patterns = {
-            name: getattr(self.qp, name) if user is None else user
-            for name, user in zip("PGA", given, strict=True)
-        }
+        self.face, (self.qp, self.given) = face, problem
         stage, its_point = face.least_shifts(point.x)
         self.first = QPDerivative(stage, its_point)
         self.second = QPDerivative(easier, point)
@@ -81,6 +77,6 @@ class ClosestDerivative:
                 )
                 v, u, lam, w = map(np.array, zip(*terms, strict=True))
                 product = RankTwo(-1.0, v, u, -1.0, lam, w)
-            return product.on(self.patterns[name])
+            return product.on(self.given["PGA".index(name)])
 
         return QPGradients(*vectors, second.weak, first.singular, matrix)

@@ -83,7 +83,7 @@ class QPDerivative:
         given: tuple[Any, Any, Any] = (None, None, None),
         factors: Any = None,
     ) -> None:
-        """Factor; `given`: P, G and A of the user, None for those of qp.
+        """Factor; `given`: P, G and A of the user.
 
         `factors`: those of the solve, if they are there.
         """
@@ -163,8 +163,6 @@ class QPDerivative:
     def matrix(self, vectors: tuple[np.ndarray, ...], name: str) -> Any:
         """Return the gradient in P, G or A in the form of the user's matrix."""
         pattern = self.given["PGA".index(name)]
-        if pattern is None:
-            pattern = getattr(self.qp, name)
         return product_of(vectors, self.point, name).on(pattern)
 
     def forward(self, changes: dict[str, Any]) -> QPTangent:
