@@ -5,7 +5,7 @@ import sys
 import pytest
 from child_work import answer
 
-from validation import history, report
+from validation import report
 from validation.__main__ import main
 from validation.harness import cli, csv_files, machine
 from validation.harness.suite import Late, Suite, limit_beside
@@ -101,11 +101,6 @@ def test_commands_of_the_report_have_their_arguments(command, capsys):
         main([*words, "--help"])
     known = capsys.readouterr().out
     assert all(word in known for word in words if word.startswith("--"))
-
-
-def test_history_says_what_it_does():
-    with pytest.raises(SystemExit):
-        history.main(["--help"])
 
 
 def test_a_report_makes_only_what_is_out_of_date(tmp_path, monkeypatch):

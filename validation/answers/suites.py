@@ -195,7 +195,7 @@ def printed_row(name: str) -> Row:
     if method.startswith("nam"):
         given["shift"] = 1.0
     scene = sweep_scenes.paper_example(int(example), int(m))
-    return row_of_lcp(tables.solve(scene, method, 100, **given), tables.EPS)
+    return row_of_lcp(tables.solve(scene, int(m), method, 100, **given), tables.EPS)
 
 
 def sweep_row(name: str) -> Row:

@@ -67,7 +67,7 @@ CYCLES = 200  # of the baseline at most
 def strongly_dominant(n: int) -> known_scenes.BoxLCP:
     """Return Example 2 at delta = 4 with half of the unknowns in contact."""
     scene = sweep_scenes.paper_example(2, known_scenes.side(n))
-    return known_scenes.BoxLCP(*sweep_scenes.with_contact(scene)[1:5])
+    return sweep_scenes.with_contact(scene.A)
 
 
 def hertz_contact(n: int) -> known_scenes.BoxLCP:

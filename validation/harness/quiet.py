@@ -41,14 +41,14 @@ def busy_seconds() -> float:
     return (sum(ticks) - idle) / os.sysconf("SC_CLK_TCK")
 
 
-def busy_cores(sample: float = SAMPLE) -> float:
+def busy_cores() -> float:
     """Return how many cores were busy while this process slept.
 
     Where there is no /proc, the load average of the last minute.
     """
     try:
         before, start = busy_seconds(), time.perf_counter()
-        time.sleep(sample)
+        time.sleep(SAMPLE)
         return (busy_seconds() - before) / (time.perf_counter() - start)
     except OSError:
         return os.getloadavg()[0]

@@ -12,14 +12,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import scipy.sparse as sp
 
-from validation.problems import (
-    contact_scenes,
-    data_sets,
-    hertz,
-    sweep_scenes,
-)
+from validation.problems import contact_scenes, data_sets, hertz, sweep_scenes
 from validation.problems import known_scenes as known
 from validation.problems.classics import disc_pile
 from validation.problems.known_scenes import BoxLCP
@@ -109,11 +103,6 @@ def ball(m: int, average: float, worst: float, quick: bool = True) -> Scene:
     return Scene(partial(known.ball_obstacle, m), found, quick=quick)
 
 
-def contact(data: Path, name: str) -> BoxLCP:
-    A, q = data_sets.contact_lcp(data, name)
-    return known.nonnegative(sp.csr_array(A), q)
-
-
 def of_data(data: Path) -> Iterator[tuple[str, Scene]]:
     if (data / "svm" / "heart_scale").exists():
         X, y = data_sets.heart_scale(data)
@@ -130,16 +119,15 @@ def of_data(data: Path) -> Iterator[tuple[str, Scene]]:
         number = entry.get("frictionless_obj") or entry.get("obj")
         known_to = 1e-9 * (abs(number) + 1e-300)
         stored = Known("objective", objective, number, known_to, "index.json")
-        make = partial(contact, data, entry["name"])
+        make = partial(sweep_scenes.contact, data, entry["name"])
         yield f"contact {entry['name']}", Scene(make, (stored,), unique=False)
 
 
 def scenes(data: Path | None) -> dict[str, Scene]:
     found = SCENES | (dict(of_data(data)) if data is not None else {})
-    for scene in sweep_scenes.problem_classes():
-        make = partial(BoxLCP, *scene[1:5])
-        unique = "contact" not in scene.name
-        found[f"class: {scene.name}"] = Scene(make, unique=unique)
+    for name, scene in sweep_scenes.problem_classes().items():
+        unique = "contact" not in name
+        found[f"class: {name}"] = Scene(partial(BoxLCP, *scene), unique=unique)
     return found
 
 

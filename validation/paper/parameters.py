@@ -28,8 +28,7 @@ from namlcp.lcp.modulus.sweeps import iterate, step_of
 from namlcp.limits import Limits
 from validation.harness import Job, Row
 from validation.harness.suite import Args, Suite
-from validation.problems import sweep_scenes
-from validation.problems.classics import forced_obstacle
+from validation.problems import data_sets, known_scenes, sweep_scenes
 
 EPS_REL = 1e-6  # of Res(0)
 WANTED = 1.3  # sweeps over those of the best point, at most
@@ -43,24 +42,28 @@ CS = (0.001, 0.003, *np.geomspace(0.01, 10.0, 25))
 CAP, FACTORED_CAP = 5000, 1000  # sweeps, and steps of a factored method
 
 
-def scenes(data: Path, m: int = M) -> list[sweep_scenes.Scene]:
-    cases = itertools.product((1, 2), (m,), DELTAS)
-    found = [*itertools.starmap(sweep_scenes.paper_example, cases)]
-    found.append(sweep_scenes.halfline("obstacle", *forced_obstacle(m)))
-    names = ("fcp2d_367", "capsules_286", "granular2d_2020", "kaplas_570")
-    found += [sweep_scenes.contact(data, name) for name in names]
-    return [*found, sweep_scenes.random_spd(200), sweep_scenes.svm_heart(data)]
+def scenes(data: Path) -> dict[str, known_scenes.BoxLCP]:
+    found = {
+        f"Example {k}, delta = {delta:g}": sweep_scenes.paper_example(k, M, delta)
+        for k, delta in itertools.product((1, 2), DELTAS)
+    }
+    found["obstacle"] = sweep_scenes.halfline(*forced_obstacle(M))
+    for name in ("fcp2d_367", "capsules_286", "granular2d_2020", "kaplas_570"):
+        found[name] = sweep_scenes.contact(data, name)
+    X, y = data_sets.heart_scale(data)
+    found["random SPD"] = sweep_scenes.random_spd(200)
+    return found | {"SVM heart": known_scenes.svm_rbf(X, y, 1.0 / 13.0)}
 
 
 class Run:
     """A scene with its start and its stop."""
 
-    def __init__(self, scene: sweep_scenes.Scene):
-        A, q, lower, upper = scene[1:5]
+    def __init__(self, scene: known_scenes.BoxLCP, is_example: bool) -> None:
+        A, q, lower, upper = scene
         self.lcp = LCP(Prepared(A), q, lower, upper)
         self.D = np.array(A.diagonal())
         zero = np.clip(np.zeros_like(q), lower, upper)
-        self.start = zero if scene.s0 is None else scene.s0
+        self.start = sweep_scenes.paper_start(M) if is_example else zero
         self.eps = EPS_REL * natural_residual(zero, A @ zero + q, lower, upper)
 
     def sweeps(self, step: Step | None, cap: int) -> float:
@@ -98,8 +101,8 @@ def points(method: str) -> Iterator[tuple[float | None, float]]:
             yield alpha, c
 
 
-def compare(scene: sweep_scenes.Scene, method: str) -> Row:
-    run, chosen = Run(scene), SWEEPS[method]
+def compare(_: Job, scene: known_scenes.BoxLCP, is_example: bool, method: str) -> Row:
+    run, chosen = Run(scene, is_example), SWEEPS[method]
     cap = FACTORED_CAP if chosen.factored else CAP
     best, where = math.inf, (None, math.nan)
     for point in points(method):
@@ -128,21 +131,17 @@ def shown(sweeps: float) -> float | str:
     return "none" if sweeps == math.inf else sweeps
 
 
-def work(_: Job, scene: sweep_scenes.Scene, method: str) -> Row:
-    return compare(scene, method)
-
-
 def requests(args: Args) -> Iterator[Row]:
-    for scene in scenes(args.data):
-        for method in (name for name, sweep in SWEEPS.items() if sweep.takes):
-            ask = lambda pair=(scene, method): pair  # noqa: E731
-            yield {"scene": scene.name, "method": method, "ask": ask}
+    for name, scene in scenes(args.data).items():
+        for method in (method for method, sweep in SWEEPS.items() if sweep.takes):
+            ask = lambda each=(scene, "Example" in name, method): each  # noqa: E731
+            yield {"scene": name, "method": method, "ask": ask}
 
 
 SUITE = Suite(
     name="parameters",
     requests=requests,
-    work=work,
+    work=compare,
     columns=(
         "scene n method grid_alpha grid_c grid_sweeps auto_alpha auto_c auto_sweeps "
         "products ratio ratio_with_products within"

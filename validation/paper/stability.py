@@ -37,6 +37,7 @@ from namlcp import Status, natural_residual, solve_lcp
 from namlcp.lcp import SWEEPS
 from validation.harness import Row, charts, cli, csv_files, tables
 from validation.problems import sweep_scenes
+from validation.problems.known_scenes import BoxLCP
 
 EPS = 1e-6  # of Res(z_0)
 CAP = 2000  # sweeps at most
@@ -71,9 +72,7 @@ ALPHA, ALPHAS = 0.9, {"modified-nam": 5.0}
 DELTAS = (4.0, 2.0, 1.0, 0.5, 0.25, 0.1, 0.03, 0.01, 0.0)
 
 
-def outcome(
-    scene: sweep_scenes.Scene, method: str, cap: int, **given: Any
-) -> int | str:
+def outcome(scene: BoxLCP, method: str, cap: int, **given: Any) -> int | str:
     """Return the number of sweeps, or what happened instead.
 
     The library's own verdict ends a run early; here growth is told from a cycle, and
@@ -101,7 +100,7 @@ def outcome(
     return "cycles"
 
 
-def fixed(scene: sweep_scenes.Scene, chart: Map) -> Row:
+def fixed(scene: BoxLCP, chart: Map) -> Row:
     """Return the arguments of a method that are the same in all cells."""
     D = scene.A.diagonal()
     return {"shift": {"I": 1.0, "D": D}.get(chart.shift), "beta": chart.beta}
@@ -115,17 +114,17 @@ def class_rows() -> Iterator[Row]:
     """Yield a row for each class, method and c with a column for each alpha."""
     alphas = np.linspace(0.1, 1.9, 19)
     powers = np.linspace(-5.0, 4.0, 19)
-    for scene in sweep_scenes.problem_classes():
+    for name, scene in sweep_scenes.problem_classes().items():
         for chart in MAPS:
             for c in 2.0 ** powers[::-1]:
-                row = key(scene.name, chart) | {"c": c}
+                row = key(name, chart) | {"c": c}
                 for alpha in alphas:
                     given = fixed(scene, chart) | {"alpha": alpha}
                     given["omega"] = c * scene.A.diagonal()
                     cell = outcome(scene, chart.method, CAP, **given)
                     row[f"{alpha:.2f}"] = cell
                 yield row
-        print(scene.name, flush=True)
+        print(name, flush=True)
 
 
 def unit_rows() -> Iterator[Row]:

@@ -24,6 +24,7 @@ from scipy.sparse.linalg import splu
 from namlcp import LCPResult, solve_lcp
 from validation.harness import Row, cli, csv_files, timing
 from validation.problems import sweep_scenes
+from validation.problems.known_scenes import BoxLCP
 
 EPS = 1e-5
 """Res at which a run ends."""
@@ -55,13 +56,9 @@ for line in PRINTED.strip().splitlines():
 HELD_OUT = (20, 70, 120, 316, 1000)  # m
 
 
-def solve(
-    scene: sweep_scenes.Scene, method: str, max_iter: int, **given: Any
-) -> LCPResult:
-    return solve_lcp(
-        scene.A, scene.q, method=method, s0=scene.s0, eps_abs=EPS,
-        max_iter=max_iter, **given,
-    )  # fmt: skip
+def solve(scene: BoxLCP, m: int, method: str, max_iter: int, **given: Any) -> LCPResult:
+    given |= {"s0": sweep_scenes.paper_start(m), "eps_abs": EPS, "max_iter": max_iter}
+    return solve_lcp(scene.A, scene.q, method=method, **given)
 
 
 def table_rows() -> Iterator[Row]:
@@ -72,7 +69,7 @@ def table_rows() -> Iterator[Row]:
             given["shift"] = 1.0
         for m, count, digits, cpu in zip(SIZES, *printed, strict=True):
             scene = sweep_scenes.paper_example(example, m)
-            ask = partial(solve, scene, method, 100, **given)
+            ask = partial(solve, scene, m, method, 100, **given)
             result, _, seconds = timing.median_time(ask)
             close = f"{result.residual:.1e}" == f"{digits / 1e7:.1e}"
             yield {
@@ -98,22 +95,22 @@ def large_rows() -> Iterator[Row]:
         scene = sweep_scenes.paper_example(example, m, delta)
         omega = c * scene.A.diagonal()
         start = time.perf_counter()
-        result = solve(scene, "namgs", 1000, omega=omega, shift=1.0)
+        result = solve(scene, m, "namgs", 1000, omega=omega, shift=1.0)
         seconds = time.perf_counter() - start
-        count, residual = transcription(scene, omega)
-        error = np.max(np.abs(result.z - np.tile([1.0, 2.0], m * m // 2)))
+        count, residual = transcription(scene, m, omega)
+        error = np.max(np.abs(result.z - sweep_scenes.paper_solution(m)))
         row: Row = {"example": example, "delta": delta, "Omega": f"{c:g} D"}
         row |= {"n": m * m, "iterations": result.iterations, "transcription": count}
         row |= {"residual": result.residual, "transcription_residual": residual}
         yield row | {"error": float(error), "time": seconds}
 
 
-def transcription(scene: sweep_scenes.Scene, omega: np.ndarray) -> tuple[int, float]:
+def transcription(scene: BoxLCP, m: int, omega: np.ndarray) -> tuple[int, float]:
     """Return count and Res of NAMGS written down as the paper does, r = 2.
 
     (D - 2L + Omega + I) s+ = (U + I - L) s + (Omega - A)|s| - 2 q
     """
-    A, q, s = scene.A, scene.q, np.array(scene.s0)
+    A, q, s = scene.A, scene.q, sweep_scenes.paper_start(m)
     D = sp.csr_array(sp.diags_array(A.diagonal()))
     L, U = sp.csr_array(-sp.tril(A, -1)), sp.csr_array(-sp.triu(A, 1))
     Omega, eye = sp.diags_array(omega), sp.eye_array(q.size)

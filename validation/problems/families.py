@@ -19,7 +19,7 @@ from validation.problems import data_sets, draw, osqp_classes, sequences
 from validation.problems import known_scenes as known
 from validation.problems.classics import disc_pile, preview_control
 from validation.problems.contact_scenes import brick_wall, heap
-from validation.problems.sweep_scenes import paper_example
+from validation.problems.sweep_scenes import paper_example, paper_solution, paper_start
 
 PAPER_SIDES = (10, 30, 100)  # m of the paper's tables, with n = m^2 unknowns
 
@@ -56,9 +56,8 @@ def boxed(scene: known.BoxLCP, exact: np.ndarray | None = None) -> Task:
 
 def paper_task(number: int, delta: float, m: int) -> Task:
     """Return an example of the paper, z* = (1, 2, 1, 2, ...), from its start."""
-    scene = paper_example(number, m, delta)
-    exact = np.tile([1.0, 2.0], m * m // 2)
-    return boxed(known.BoxLCP(*scene[1:5]), exact)._replace(s0=scene.s0)
+    task = boxed(paper_example(number, m, delta), paper_solution(m))
+    return task._replace(s0=paper_start(m))
 
 
 def quadcopter(stages: int) -> Task:

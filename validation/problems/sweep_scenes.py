@@ -1,11 +1,7 @@
-"""Box LCPs of known class on which the sweep methods are compared.
-
-Every function returns a Scene: find z in [lower, upper] with w = A z + q >= 0 where
-z_i = lower_i, w_i <= 0 where z_i = upper_i, and w_i = 0 in between.
-"""
+"""Box LCPs of known class on which the sweep methods are compared."""
 
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -13,30 +9,22 @@ import scipy.sparse as sp
 from validation.problems import data_sets, draw, hertz
 from validation.problems.classics import disc_pile, forced_obstacle
 from validation.problems.contact_scenes import brick_wall
-from validation.problems.known_scenes import svm_rbf
+from validation.problems.known_scenes import BoxLCP, nonnegative
 
 
-class Scene(NamedTuple):
-    """A problem; s0 is the start that a source prescribes."""
-
-    name: str
-    A: Any
-    q: np.ndarray
-    lower: np.ndarray
-    upper: np.ndarray
-    s0: np.ndarray | None = None
-
-
-def halfline(name: str, A: Any, q: np.ndarray, s0: np.ndarray | None = None) -> Scene:
-    """Return the scene with z >= 0, the matrix in canonical form."""
+def canonical(A: Any) -> Any:
     if not isinstance(A, np.ndarray):
         A = sp.csr_array(A)
         A.sum_duplicates()
-    return Scene(name, A, q, np.zeros_like(q), np.full_like(q, np.inf), s0)
+    return A
 
 
-def paper_example(number: int, m: int, delta: float = 4.0) -> Scene:
-    """Return Example 1 or 2 of the paper, n = m^2, m even, with its start.
+def halfline(A: Any, q: np.ndarray) -> BoxLCP:
+    return nonnegative(canonical(A), q)
+
+
+def paper_example(number: int, m: int, delta: float = 4.0) -> BoxLCP:
+    """Return Example 1 or 2 of the paper, n = m^2, m even; its start: `paper_start`.
 
     Five-point matrix + delta I with entries -1 (Example 1), or -1.5 below and -0.5
     above the diagonal (2); z* = (1, 2, 1, 2, ...), so that w* = 0.
@@ -44,61 +32,57 @@ def paper_example(number: int, m: int, delta: float = 4.0) -> Scene:
     below, above = {1: (-1.0, -1.0), 2: (-1.5, -0.5)}[number]
     line = sp.diags_array([below, above], offsets=[-1, 1], shape=(m, m))
     A = sp.csr_array(sp.kronsum(line, line) + (4.0 + delta) * sp.eye_array(m * m))
-    z = np.tile([1.0, 2.0], m * m // 2)
-    s0 = np.tile([1.0, 0.0], m * m // 2)
-    return halfline(f"Example {number}, delta = {delta:g}", A, -(A @ z), s0)
+    return halfline(A, -(A @ paper_solution(m)))
 
 
-def with_contact(scene: Scene, seed: int = 0) -> Scene:
-    """Return the scene with another q, so that about half of the z*_i are zero.
+def paper_solution(m: int) -> np.ndarray:
+    return np.tile([1.0, 2.0], m * m // 2)
+
+
+def paper_start(m: int) -> np.ndarray:
+    return np.tile([1.0, 0.0], m * m // 2)
+
+
+def with_contact(A: Any) -> BoxLCP:
+    """Return an LCP in which about half of the z*_i are zero.
 
     Strictly complementary z*, w*: exponentially distributed, w*_i in units of a_ii.
     """
-    rng = np.random.default_rng(seed)
-    free, size = rng.random(scene.q.size) < 0.5, rng.exponential(size=scene.q.size)
-    z, w = size * free, size * ~free * scene.A.diagonal()
-    return scene._replace(q=w - scene.A @ z, s0=None)
+    A, n, rng = canonical(A), A.shape[0], np.random.default_rng(0)
+    free, size = rng.random(n) < 0.5, rng.exponential(size=n)
+    z, w = size * free, size * ~free * A.diagonal()
+    return nonnegative(A, w - A @ z)
 
 
-def contact(data: Path, name: str) -> Scene:
-    A, q = data_sets.contact_lcp(data, name)
-    return halfline(name, A, q)
+def contact(data: Path, name: str) -> BoxLCP:
+    return halfline(*data_sets.contact_lcp(data, name))
 
 
-def random_spd(n: int, condition: float = 100.0, seed: int = 0) -> Scene:
+def random_spd(n: int, condition: float = 100.0) -> BoxLCP:
     """Return a dense SPD matrix with that condition number, random eigenvectors."""
-    A = draw.definite(np.random.default_rng(seed), n, condition)
-    return with_contact(halfline("random SPD", A, np.zeros(n)), seed)
+    return with_contact(draw.definite(np.random.default_rng(0), n, condition))
 
 
-def spd_not_h(n: int, per_row: int = 4, seed: int = 0) -> Scene:
+def spd_not_h(n: int, per_row: int = 4) -> BoxLCP:
     """Return sparse A = B B' + 0.1 I, SPD, with rho(|I - D^-1 A|) well above 1."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     rows = np.repeat(np.arange(n), per_row)
     columns = rng.integers(0, n, n * per_row)
     values = rng.standard_normal(n * per_row)
     B = sp.csr_array((values, (rows, columns)), shape=(n, n))
-    scene = halfline("SPD, not H", B @ B.T + 0.1 * sp.eye_array(n), np.zeros(n))
-    return with_contact(scene, seed)
+    return with_contact(B @ B.T + 0.1 * sp.eye_array(n))
 
 
-def svm_heart(data: Path) -> Scene:
-    """Return the SVM dual of heart_scale: RBF kernel, gamma = 1/13, C = 1, no bias."""
-    return Scene("SVM heart", *svm_rbf(*data_sets.heart_scale(data), 1.0 / 13.0))
-
-
-def badly_scaled(m: int, decades: float = 3.0, seed: int = 0) -> Scene:
+def badly_scaled(m: int, decades: float = 3.0) -> BoxLCP:
     """Return Example 1, delta = 1, with row i of A and q times 10^(+-decades)."""
-    scene = with_contact(paper_example(1, m, 1.0), seed)
-    exponent = np.random.default_rng(seed).uniform(-decades, decades, m * m)
-    rows = 10.0**exponent
-    A = sp.csr_array(sp.diags_array(rows) @ scene.A)
-    return halfline("badly scaled rows", A, rows * scene.q)
+    A, q, *_ = with_contact(paper_example(1, m, 1.0).A)
+    rows = 10.0 ** np.random.default_rng(0).uniform(-decades, decades, m * m)
+    return halfline(sp.diags_array(rows) @ A, rows * q)
 
 
-def nonsymmetric_h_plus(n: int, radius: float = 0.9, seed: int = 0) -> Scene:
+def nonsymmetric_h_plus(n: int, radius: float = 0.9) -> BoxLCP:
     """Return sparse A with random signs and rho(|I - D^-1 A|) = radius < 1: H+."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     B = sp.random_array((n, n), density=6.0 / n, rng=rng, format="csr")
     B.data = rng.standard_normal(B.nnz)
     B.setdiag(0.0)
@@ -110,25 +94,22 @@ def nonsymmetric_h_plus(n: int, radius: float = 0.9, seed: int = 0) -> Scene:
         vector /= size
     B *= radius / (size - 1.0)
     diagonal = sp.diags_array(rng.uniform(0.5, 2.0, n))
-    scene = halfline("nonsymmetric H+", diagonal @ (sp.eye_array(n) + B), np.zeros(n))
-    return with_contact(scene, seed)
+    return with_contact(diagonal @ (sp.eye_array(n) + B))
 
 
-def problem_classes() -> list[Scene]:
+def problem_classes() -> dict[str, BoxLCP]:
     """Return one scene of each class of the stability map, none of which needs data.
 
-    Laplacian and dominant M-matrix, SPD not H, two singular contact scenes (one nearly
-    an M-matrix, one with entries of both signs), rows in other units, H+ without
-    symmetry, dense and positive.
+    Two of the singular contact scenes: one nearly an M-matrix, one with entries of both
+    signs.
     """
-    dominant = with_contact(paper_example(1, 20, 4.0))
-    return [
-        dominant._replace(name="dominant M-matrix"),
-        halfline("Laplacian", *forced_obstacle(20)),
-        spd_not_h(300),
-        halfline("singular contact, discs", *disc_pile(14)),
-        halfline("singular contact, bricks", *brick_wall(240, mass_ratio=4.0)[:2]),
-        badly_scaled(20),
-        nonsymmetric_h_plus(400),
-        halfline("dense positive", *hertz.half_space(16)),
-    ]
+    return {
+        "dominant M-matrix": with_contact(paper_example(1, 20).A),
+        "Laplacian": halfline(*forced_obstacle(20)),
+        "SPD, not H": spd_not_h(300),
+        "singular contact, discs": halfline(*disc_pile(14)),
+        "singular contact, bricks": halfline(*brick_wall(240, mass_ratio=4.0)[:2]),
+        "badly scaled rows": badly_scaled(20),
+        "nonsymmetric H+": nonsymmetric_h_plus(400),
+        "dense positive": halfline(*hertz.half_space(16)),
+    }
