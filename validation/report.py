@@ -94,7 +94,7 @@ JOBS = (
     suite("hertz", "peers.lcp hertz", 1.0),
     suite("first-call", "peers.first_call", 1.0),
     suite("american-put", "applications.american_put", 0.2),
-    Job("paper-tables", "paper.tables tables --results {results}", 0.5),
+    Job("paper-tables", "paper.tables paper-tables --results {results}", 0.5),
     Job("h_plus h_plus-definition convergence-proofs", """
         paper.h_plus --results {results}
         """, 2.0),
@@ -111,7 +111,7 @@ JOBS = (
         """, 3.0, timed=False),
     suite("parameters", "paper.parameters", 4.0, timed=False),
     suite("derivatives", "derivatives.differences", 3.0, 1.0, timed=False),
-    Job("paper-large", "paper.tables large --results {results}", 2.0, timed=False),
+    Job("paper-large", "paper.tables paper-large --results {results}", 2, timed=False),
 )  # fmt: skip
 
 

@@ -34,19 +34,7 @@ from validation.problems import data_sets, infeasible_cases, osqp_classes, sweep
 from validation.problems.fuzzed import cases
 from validation.problems.general import games
 from validation.stress import campaign, campaign_relations
-from validation.stress.campaign_answers import (
-    NAM,
-    NAM_LCP,
-    clean,
-    lcp_answer,
-    qp_answer,
-)
-from validation.stress.campaign_judge import (
-    Answer,
-    judge_lcp,
-    judge_malformed,
-    judge_qp,
-)
+from validation.stress.campaign_answers import ask_nam
 
 SEED = 31
 LIMIT = 60.0  # [s] a problem
@@ -121,25 +109,12 @@ def lcp_row(A: Any, q: np.ndarray, **given: Any) -> Row:
 
 def fuzzed_row(kind: str, name: str) -> Row:
     case = cases.make(SEED, int(name), kind)
-    is_qp = "P" in case.arguments
-    row: Row = {}
-    try:
-        if is_qp:
-            result = namlcp.solve_qp(**case.arguments)
-            row, answer = row_of_qp(result), qp_answer(result)
-        else:
-            result = namlcp.solve_lcp(**case.arguments)
-            row, answer = row_of_lcp(result), lcp_answer(result)
-    except Exception as error:
-        answer = Answer("error", words=f"{error}", kind=type(error))
-        row = {"status": type(error).__name__}
-    if case.group in cases.MALFORMED:
-        verdict, _ = judge_malformed(answer, case.truth)
-    elif is_qp:
-        truth = campaign.truth_of(case)
-        verdict, _ = judge_qp(clean(case.problem), truth, answer, NAM, True)
+    answer, result = ask_nam(case)
+    _, verdict, _ = campaign.judged(case, answer, True)
+    if isinstance(result, Exception):
+        row = {"status": type(result).__name__}
     else:
-        verdict, _ = judge_lcp(case.problem, case.truth, answer, NAM_LCP)
+        row = row_of_qp(result) if "P" in case.arguments else row_of_lcp(result)
     return row | {"verdict": verdict}
 
 
@@ -224,10 +199,7 @@ def generated() -> Iterator[tuple[str, Suite]]:
         for n in sizes
         for seed in range(seeds)
     ]
-    yield (
-        "families",
-        Suite(names, family_row),
-    )
+    yield "families", Suite(names, family_row)
     names = [
         f"{example} {method} {alpha} {m}"
         for example, method, alpha in tables.TABLES

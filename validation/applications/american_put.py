@@ -16,7 +16,7 @@ of the ratio of times.
 """
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
 
@@ -26,7 +26,7 @@ from scipy.interpolate import CubicSpline
 
 from namlcp import Prepared, Status, solve_lcp
 from validation.harness import Job, Row
-from validation.harness.suite import Args, Suite
+from validation.harness.suite import Suite
 
 try:  # the peer, a loop from node to node, is compiled for a fair comparison
     from numba import njit
@@ -207,15 +207,11 @@ def timed(_: Job, name: str, size: int) -> Row:
     }
 
 
-def puts(args: Args) -> Iterator[Row]:
-    for name in PUTS:
-        yield {"put": name, "nodes": 400 if args.quick else 4000}
-
-
 SUITE = Suite(
     name="american-put",
-    requests=puts,
+    requests=lambda args: (
+        {"put": name, "nodes": 400 if args.quick else 4000} for name in PUTS
+    ),
     work=timed,
-    columns="put nodes steps price error us_a_step us_kept ratio",
-    keys="put nodes",
+    columns="put nodes | steps price error us_a_step us_kept ratio",
 )

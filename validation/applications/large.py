@@ -274,10 +274,9 @@ SUITE = Suite(
     requests=requests,
     work=work,
     columns=(
-        "scene size n nnz solver method status iterations seconds residual baseline "
+        "scene size solver | n nnz method status iterations seconds residual baseline "
         "ratio memory"
     ),
-    keys="scene size solver",
     solvers=("nam", "osqp", "piqp", "clarabel"),
     limit=LIMIT,
     peer_limit=PEER_LIMIT,

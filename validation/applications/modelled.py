@@ -296,11 +296,10 @@ SUITES = {
         work=work,
         conclude=conclude,
         columns=(
-            "problem set solver variables equalities inequalities runtime cold status "
-            "expected success objective objective_error against primal_residual "
+            "set problem solver | variables equalities inequalities runtime cold "
+            "status expected success objective objective_error against primal_residual "
             "dual_residual complementarity iterations"
         ),
-        keys="set problem solver",
         solvers=("nam", "osqp", "clarabel", REFERENCE),
         packages={REFERENCE: "cvxpy"},
         limit=60.0,
@@ -311,10 +310,9 @@ SUITES = {
         work=work_steps,
         conclude=conclude_steps,
         columns=(
-            "problem set solver steps optimal total solver_time primal_residual "
+            "set problem solver | steps optimal total solver_time primal_residual "
             "dual_residual complementarity objective_error"
         ),
-        keys="set problem solver",
         solvers=("nam", "osqp", REFERENCE),
         packages={REFERENCE: "clarabel"},
         limit=120.0,

@@ -46,7 +46,7 @@ from validation.problems import infeasible_cases
 from validation.problems.sequences import Sequence, condensed, single, stagewise
 
 COLUMNS = (
-    "problem group n rows norm clarabel piqp conditions closest feasible ratio soft "
+    "problem | group n rows norm clarabel piqp conditions closest feasible ratio soft "
     "proxqp excess said"
 )
 ORACLES = {"clarabel": 1e6, "piqp": 1.0}
@@ -223,6 +223,5 @@ SUITE = Suite(
     requests=requests,
     work=work,
     columns=COLUMNS,
-    keys="problem",
     limit=600.0,
 )

@@ -263,7 +263,6 @@ SUITE = Suite(
     name="derivatives",
     requests=requests,
     work=work,
-    columns="family data problems error adjoint right",
-    keys="family data",
+    columns="family data | problems error adjoint right",
     limit=600.0,
 )

@@ -20,7 +20,6 @@ steps
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
-from itertools import product
 from typing import Any
 
 import numpy as np
@@ -146,11 +145,6 @@ def fall(job: Job, count: int, start: str) -> Row:
     return {"rows": [r | {"status": r["status"].value} for r in records]}
 
 
-def falls(args: Args) -> Iterator[Row]:
-    for count, start in product(FEW_DISCS if args.quick else COUNTS, STARTS):
-        yield {"discs": count, "start": start}
-
-
 def conclude(rows: list[Row]) -> list[Row]:
     steps = rows[0].get("rows", [{"status": rows[0].get("status")}])
     return [rows[0] | {"step": k} | step for k, step in enumerate(steps)]
@@ -162,19 +156,21 @@ SUITES = {
         requests=requests,
         work=work,
         complete=complete,
-        columns="family n seed order solver success said residual runtime",
-        keys="family n seed solver",
+        columns="family n seed solver | order success said residual runtime",
         solvers=tuple(ASK),
         packages={"lemke": "namlcp", "quantecon": "quantecon"},
         late=Late(by="n", same=("family",), copied=False, times=LATES, words=LATE),
     ),
     "steps": Suite(
         name="time-stepping",
-        requests=falls,
+        requests=lambda args: (
+            {"discs": count, "start": start}
+            for count in (FEW_DISCS if args.quick else COUNTS)
+            for start in STARTS
+        ),
         work=fall,
         conclude=conclude,
-        columns="discs start step n status method residual seconds energy overlap",
-        keys="discs start",
+        columns="discs start | step n status method residual seconds energy overlap",
         limit=600.0,
     ),
 }

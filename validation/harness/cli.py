@@ -11,7 +11,7 @@ from validation.harness.machine import THREADS, lines
 
 ROOT = Path(__file__).resolve().parents[2]
 RESULTS, FIGURES = ROOT / "validation" / "results", ROOT / "validation" / "figures"
-MISSING = 2  # what a script returns whose data folder lacks something
+MISSING = 2  # what a script returns upon a MissingDataError
 USUAL: dict[str, dict[str, Any]] = {
     "data": {"type": Path, "help": "the data folder"},
     "quick": {"action": "store_true", "help": "smaller problems, or fewer"},
@@ -22,6 +22,16 @@ USUAL: dict[str, dict[str, Any]] = {
     "figures": {"type": Path, "default": FIGURES, "help": "folder of figures"},
 }
 """The usual options, each with what argparse is told of it."""
+
+
+class MissingDataError(Exception):
+    """The data folder, which is no part of this repository, lacks what is named."""
+
+
+def require(path: Path) -> Path:
+    if not path.exists():
+        raise MissingDataError(f"{path} is missing")
+    return path
 
 
 def parser(doc: str | None, *names: str, **defaults: Any) -> Any:

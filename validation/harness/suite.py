@@ -20,7 +20,6 @@ from typing import Any, NamedTuple
 
 from validation.harness import cli, csv_files, machine, tables
 from validation.harness.csv_files import Growing, Row
-from validation.harness.data_folder import MissingDataError
 from validation.harness.processes import LATE, OURS, Bench, Work
 
 PEER_TIMES, PEER_LEAST = 10.0, 1.0  # times of namlcp's, [s]: see `limit_beside`
@@ -70,27 +69,26 @@ def limit_beside(ours: list[float], most: float) -> float:
 class Suite:
     """Problems, solvers and tolerances, what a child does, and what is made of it.
 
+    `columns` are those of the file, the keys of a request before the bar.
     `requests(args)` yields what is asked, in this order, and may raise a
-    MissingDataError at its end. `about(request)` is said of a problem whoever solves
-    it. The child does `work(job, *values)` with those of the keys but the solver, or
-    with what the entry "ask" of a request returns. `complete` makes of a request and
-    its answer a row of the file, `conclude` of those of all solvers the rows of the
-    problem. `quick` replaces usual options in a quick run. With `beside` a peer has the
-    limit `limit_beside`, with `alone` every request has a process of its own.
+    MissingDataError at its end. The child does `work(job, *values)` with those of the
+    keys but the solver, or with what the entry "ask" of a request returns. `complete`
+    makes of a request and its answer a row of the file, `conclude` of those of all
+    solvers the rows of the problem. `quick` replaces usual options in a quick run. With
+    `beside` a peer has the limit `limit_beside`, with `alone` every request has a
+    process of its own.
     """
 
     name: str  # of the CSV file
     requests: Callable[[Args], Iterable[Row]]
     work: Work
     columns: str
-    keys: str = "set problem solver eps"
     solvers: tuple[str, ...] = ("nam",)
     packages: dict[str, str] = field(default_factory=dict)  # of other solvers
     tolerances: tuple[float, ...] = ()
     limit: float = 10.0  # [s] a request
     peer_limit: float = math.inf  # [s] of other solvers
     quick: dict[str, Any] = field(default_factory=dict)
-    about: Callable[[Row], Row] | None = None
     complete: Callable[[Row], Row] | None = None
     conclude: Callable[[list[Row]], list[Row]] | None = None
     late: Late | None = None
@@ -99,6 +97,10 @@ class Suite:
     alone: bool = False
     success: Callable[[Row], bool] = solved
     plot: Callable[[Path, Path], None] | None = None  # from a CSV file into a folder
+
+    @property
+    def keys(self) -> list[str]:
+        return self.columns.partition("|")[0].split()
 
     def main(self, arguments: list[str] | None = None) -> int:
         args = self.parsed(arguments)
@@ -111,11 +113,10 @@ class Suite:
         return code
 
     def table(self, rows: list[Row]) -> str:
-        keys = self.keys.split()
         if not rows or not {"solver", "success", "runtime"} <= rows[0].keys():
             return f"{len(rows)} rows"
         parts = [name for name in GROUPS if name in rows[0]]
-        about = [key for key in keys if key not in ("solver", *parts)]
+        about = [key for key in self.keys if key not in ("solver", *parts)]
         lines = []
         for names in {tuple(row[part] for part in parts): None for row in rows}:
             own = tables.chosen(rows, **dict(zip(parts, names, strict=True)))
@@ -153,16 +154,41 @@ class Suite:
             *([f"not installed: {', '.join(missing)}"] if missing else []),
             f"limit: {args.limit:g} s",
         )
-        keys, columns = self.keys.split(), self.columns.split()
+        columns = self.columns.replace("|", " ").split()
         with (
-            csv_files.growing(args.csv, header, columns, keys, args.go_on) as file,
+            csv_files.growing(args.csv, header, columns, self.keys, args.go_on) as file,
             ExitStack() as stack,
         ):
             try:
                 Run(self, args, file, stack).all()
-            except MissingDataError as error:
+            except cli.MissingDataError as error:
                 print(f"{error}; --data must be the folder of validation/README.md")
                 return cli.MISSING
+        return 0
+
+
+@dataclass(frozen=True)
+class Parts:
+    """CSV files by name, each made anew from rows that this process makes in order."""
+
+    doc: str | None
+    rows: dict[str, Callable[[], Iterable[Row]]]
+    packages: tuple[str, ...] = ()
+    plot: Callable[[Path, Path], None] | None = None  # from results into figures
+
+    def main(self, arguments: list[str] | None = None) -> int:
+        parts = [*self.rows, *["plot"] * bool(self.plot)]
+        parser = cli.parser(self.doc, "results", "figures")
+        parser.add_argument("parts", nargs="*", default=parts, help=", ".join(parts))
+        args = parser.parse_args(arguments)
+        header = cli.begin(self.packages)
+        for part in args.parts:
+            print(part, flush=True)
+            if part == "plot" and self.plot:
+                self.plot(args.results, args.figures)
+            else:
+                rows = list(self.rows[part]())
+                csv_files.write(args.results / f"{part}.csv", header, rows)
         return 0
 
 
@@ -173,7 +199,7 @@ class Run:
         self, suite: Suite, args: Args, file: Growing, stack: ExitStack
     ) -> None:
         self.suite, self.args, self.file, self.stack = suite, args, file, stack
-        self.shown = " ".join(suite.columns.split()[:SHOWN])
+        self.shown = " ".join(suite.columns.replace("|", " ").split()[:SHOWN])
         self.children: dict[str, Bench] = {}
         self.late: dict[Any, list[Row]] = defaultdict(list)
         self.ours: dict[Any, list[float]] = defaultdict(list)
@@ -193,10 +219,9 @@ class Run:
             new = [r for r in requests if self.file.key(r) not in self.file.known]
             if not new or (suite.conclude and len(new) < len(requests)):
                 continue
-            about = suite.about(new[0]) if suite.about else {}
             found = []
             for request in new:
-                row = self.answer(request | about)
+                row = self.answer(request)
                 if row is None:
                     continue
                 if suite.complete:

@@ -29,9 +29,6 @@ from validation.problems.known_scenes import BoxLCP, dam
 AGREED = 1e-8  # relative, of objectives and residuals
 NEAR = 1e-6  # of z and w, relative to 1 + their largest entry
 QUICK_SIZE = 2500  # unknowns at most
-COLUMNS = (
-    "scene n solver quantity value reference source error tolerance agrees residual why"
-)
 
 
 @cache
@@ -148,8 +145,10 @@ SUITE = Suite(
     requests=requests,
     work=answered,
     conclude=conclude,
-    columns=COLUMNS,
-    keys="scene solver",
+    columns=(
+        "scene solver | n quantity value reference source error tolerance agrees "
+        "residual why"
+    ),
     solvers=tuple(ORACLES),
     packages={solver: package for solver, (package, _) in ORACLES.items()},
     limit=60.0,

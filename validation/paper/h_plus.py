@@ -14,7 +14,7 @@ convergence-proofs
 import itertools
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from fractions import Fraction
 from functools import partial
 from typing import Any
@@ -26,7 +26,8 @@ import scipy.sparse as sp
 from namlcp import Prepared, Status, Verdict, converges, is_h_plus, solve_lcp
 from namlcp.lcp import LCP, SWEEPS, Parameters
 from namlcp.lcp.modulus.sweeps import step_of
-from validation.harness import Row, cli, csv_files, timing
+from validation.harness import Row, timing
+from validation.harness.suite import Parts
 from validation.problems import sweep_scenes
 
 DISTANCES = (0.5, 1e-2, 1e-4, 1e-6, 1e-8, 1e-9, 2e-10, 1e-11, 1e-12, 1e-14)
@@ -194,21 +195,9 @@ def proof_rows(count: int) -> Iterator[Row]:
         yield row | {"did_not": seen["fled"], "undecided": seen["None"]}
 
 
-PARTS: dict[str, Callable[[], Iterator[Row]]] = {
+ROWS = {
     "h_plus-definition": partial(definition_rows, 60),
     "h_plus": partial(time_rows, 1000),
     "convergence-proofs": partial(proof_rows, 1500),
 }
-"""The rows of each file."""
-
-
-def main(arguments: list[str] | None = None) -> int:
-    parser = cli.parser(__doc__, "results")
-    parser.add_argument("parts", nargs="*", default=PARTS, help=", ".join(PARTS))
-    args = parser.parse_args(arguments)
-    header = cli.begin(["pyamg"])
-    for part in args.parts:
-        print(part, flush=True)
-        rows = list(PARTS[part]())
-        csv_files.write(args.results / f"{part}.csv", header, rows)
-    return 0
+SUITE = Parts(__doc__, ROWS, ("pyamg",))

@@ -143,10 +143,9 @@ SUITE = Suite(
     requests=requests,
     work=compare,
     columns=(
-        "scene n method grid_alpha grid_c grid_sweeps auto_alpha auto_c auto_sweeps "
+        "scene method | n grid_alpha grid_c grid_sweeps auto_alpha auto_c auto_sweeps "
         "products ratio ratio_with_products within"
     ),
-    keys="scene method",
     limit=3600.0,
     needs_data=True,
 )

@@ -1,16 +1,16 @@
 """Where the sweep methods fail: maps over their parameters, classes and conditioning.
 
-run
-    stability.csv: every method with two parameters on one problem of each class
-    (`sweep_scenes`), over c in Omega = c D and alpha. stability-units.csv: every
-    method on Example 1, over delta and the unit of A and q.
-    A cell is the number of sweeps to Res < 1e-6 Res(z_0), or what happened instead
-    within CAP sweeps: "slow" (Res falls steadily), "cycles" (bounded, no
-    measurable progress: periodic or wandering), "diverges" (Res grows without bound).
+stability
+    Every method with two parameters on one problem of each class (`sweep_scenes`), over
+    c in Omega = c D and alpha.
+stability-units
+    Every method on Example 1, over delta and the unit of A and q.
 plot
     The figures of both.
 
-Without a subcommand: both.
+A cell is the number of sweeps to Res < 1e-6 Res(z_0), or what happened instead within
+CAP sweeps: "slow" (Res falls steadily), "cycles" (bounded, no measurable progress:
+periodic or wandering), "diverges" (Res grows without bound).
 
 mgs, namgs and amgs are msor, namsor and amsor at alpha = 1; namj is namaor at alpha = 1
 with beta = 0; psor is amsor at c = 1/alpha and pgs the point (1, 1) of that: one map
@@ -35,7 +35,8 @@ from scipy.stats import linregress
 
 from namlcp import Status, natural_residual, solve_lcp
 from namlcp.lcp import SWEEPS
-from validation.harness import Row, charts, cli, csv_files, tables
+from validation.harness import Row, charts, csv_files, tables
+from validation.harness.suite import Parts
 from validation.problems import sweep_scenes
 from validation.problems.known_scenes import BoxLCP
 
@@ -72,19 +73,17 @@ ALPHA, ALPHAS = 0.9, {"modified-nam": 5.0}
 DELTAS = (4.0, 2.0, 1.0, 0.5, 0.25, 0.1, 0.03, 0.01, 0.0)
 
 
-def outcome(scene: BoxLCP, method: str, cap: int, **given: Any) -> int | str:
+def outcome(scene: BoxLCP, method: str, **given: Any) -> int | str:
     """Return the number of sweeps, or what happened instead.
 
     The library's own verdict ends a run early; here growth is told from a cycle, and
     what is still falling from what is not.
     """
-    box = scene.lower, scene.upper
+    A, q, *box = scene
     start = np.clip(0.0, *box)
-    first = natural_residual(start, scene.A @ start + scene.q, *box)
-    result = solve_lcp(
-        scene.A, scene.q, *box, method=method,
-        eps_abs=EPS * first, max_iter=cap, history=True, **given,
-    )  # fmt: skip
+    first = natural_residual(start, A @ start + q, *box)
+    given |= {"eps_abs": EPS * first, "max_iter": CAP, "history": True}
+    result = solve_lcp(*scene, method=method, **given)
     if result.status is Status.SOLVED:
         return result.iterations
     if result.status is Status.NUMERICAL_ERROR:
@@ -93,7 +92,7 @@ def outcome(scene: BoxLCP, method: str, cap: int, **given: Any) -> int | str:
     if not residuals[-1] <= GROWN * first:
         return "diverges"
     if result.status is Status.MAX_ITER:
-        y = np.log(residuals[cap // 2 :])
+        y = np.log(residuals[CAP // 2 :])
         line = linregress(np.arange(y.size), y)
         if abs(line.slope) > STEADY * line.stderr:
             return "slow" if line.slope < 0.0 else "diverges"
@@ -121,8 +120,7 @@ def class_rows() -> Iterator[Row]:
                 for alpha in alphas:
                     given = fixed(scene, chart) | {"alpha": alpha}
                     given["omega"] = c * scene.A.diagonal()
-                    cell = outcome(scene, chart.method, CAP, **given)
-                    row[f"{alpha:.2f}"] = cell
+                    row[f"{alpha:.2f}"] = outcome(scene, chart.method, **given)
                 yield row
         print(name, flush=True)
 
@@ -142,7 +140,7 @@ def unit_rows() -> Iterator[Row]:
             given = fixed(scene, chart)
             if "alpha" in SWEEPS[chart.method].takes:
                 given["alpha"] = ALPHAS.get(chart.method, ALPHA)
-            row[f"{exponent:d}"] = outcome(scene, chart.method, CAP, **given)
+            row[f"{exponent:d}"] = outcome(scene, chart.method, **given)
         yield row
 
 
@@ -246,15 +244,5 @@ def plot_units(rows: list[Row], figures: Path) -> None:
     finish(figure, grid, file, "k, unit $10^k$", "$\\delta$")
 
 
-def main(arguments: list[str] | None = None) -> int:
-    parser = cli.parser(__doc__, "results", "figures")
-    parser.add_argument("part", nargs="?", choices=("run", "plot"))
-    args = parser.parse_args(arguments)
-    if args.part in (None, "run"):
-        header = cli.begin([], f"cells: {CAP} sweeps at most")
-        csv_files.write(args.results / "stability.csv", header, list(class_rows()))
-        rows = list(unit_rows())
-        csv_files.write(args.results / "stability-units.csv", header, rows)
-    if args.part in (None, "plot"):
-        plot(args.results, args.figures)
-    return 0
+ROWS = {"stability": class_rows, "stability-units": unit_rows}
+SUITE = Parts(__doc__, ROWS, plot=plot)

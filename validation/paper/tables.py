@@ -1,10 +1,10 @@
 """Tables 1 and 2 of the paper, checked, and the rows that the paper does not have.
 
-tables
-    paper-tables.csv: the 48 printed runs (delta = 4), iterations and Res beside the
+paper-tables
+    The 48 printed runs (delta = 4), iterations and Res beside the
     printed ones. Times are of whole calls of `solve_lcp` with a sparse matrix.
-large
-    paper-large.csv: sizes that the paper does not have, up to n = 10^6, beside a plain
+paper-large
+    Sizes that the paper does not have, up to n = 10^6, beside a plain
     transcription of the matrix formula.
 
 The paper does not say what Omega is; with Omega =
@@ -22,7 +22,8 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
 from namlcp import LCPResult, solve_lcp
-from validation.harness import Row, cli, csv_files, timing
+from validation.harness import Row, timing
+from validation.harness.suite import Parts
 from validation.problems import sweep_scenes
 from validation.problems.known_scenes import BoxLCP
 
@@ -125,11 +126,4 @@ def transcription(scene: BoxLCP, m: int, omega: np.ndarray) -> tuple[int, float]
     return count, residual
 
 
-def main(arguments: list[str] | None = None) -> int:
-    parser = cli.parser(__doc__, "results")
-    parser.add_argument("part", choices=("tables", "large"))
-    args = parser.parse_args(arguments)
-    rows = table_rows() if args.part == "tables" else large_rows()
-    file = args.results / f"paper-{args.part}.csv"
-    csv_files.write(file, cli.begin(), list(rows))
-    return 0
+SUITE = Parts(__doc__, {"paper-tables": table_rows, "paper-large": large_rows})

@@ -42,7 +42,6 @@ infeasible
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
-from functools import partial
 from itertools import product
 from pathlib import Path
 
@@ -54,7 +53,7 @@ from validation.harness.suite import Args, Late, Suite
 from validation.problems import data_sets, draw, infeasible_cases, osqp_classes
 
 COLUMNS = (
-    "problem set solver eps runtime cold found "
+    "set problem solver eps | runtime cold found "
     + " ".join(judging.RESIDUALS)
     + " success status iterations form"
 )
@@ -85,10 +84,6 @@ def measure(
         lambda: qp_solvers.solve(problem, job.solver, **settings),
         lambda solution: judging.judge(problem, solution, eps),
     )
-
-
-def load_class(_: Path, name: str, size: str) -> Problem:
-    return osqp_classes.generate(name, size)
 
 
 def load_changed(data: Path, kind: str, name: str) -> Problem:
@@ -130,24 +125,19 @@ def of_classes(args: Args) -> Iterator[Row]:
                 yield {"set": name, "problem": str(size), "eps": eps}
 
 
-def about_class(request: Row) -> Row:
-    problem = osqp_classes.generate(request["set"], request["problem"])
-    return {"variables": problem.q.size, "entries": osqp_classes.entries(problem)}
+def measure_class(job: Job, name: str, size: str, eps: float) -> Row:
+    row = measure(job, name, size, eps, lambda _, *kind: osqp_classes.generate(*kind))
+    problem = osqp_classes.generate(name, size)
+    entries = osqp_classes.entries(problem)
+    return row | {"variables": problem.q.size, "entries": entries}
 
 
-def of_kinds(kinds: Iterable[str], names: list[str], args: Args) -> Iterator[Row]:
+def of_kinds(kinds: Iterable[str], names: Iterable[str], args: Args) -> Iterator[Row]:
     """Yield all problems of a kind, solver by solver."""
+    chosen = list(names)[:: 10 if args.quick else 1]
     for kind, solver, eps in product(kinds, args.solvers, args.eps):
-        for name in names[:: 10 if args.quick else 1]:
+        for name in chosen:
             yield {"set": kind, "problem": name, "solver": solver, "eps": eps}
-
-
-def of_families(args: Args) -> Iterator[Row]:
-    return of_kinds(draw.FAMILIES, [str(seed) for seed in range(SEEDS)], args)
-
-
-def of_changes(args: Args) -> Iterator[Row]:
-    return of_kinds(draw.CHANGES, data_sets.set_names(args.data, "all"), args)
 
 
 RIGHT = {
@@ -204,7 +194,7 @@ SUITE = Suite(
 FAMILIES = replace(
     SUITE,
     name="generalisation-families",
-    requests=of_families,
+    requests=lambda args: of_kinds(draw.FAMILIES, map(str, range(SEEDS)), args),
     work=measure_changed,
     solvers=("nam", "piqp", "clarabel"),
     tolerances=(1e-6,),
@@ -216,7 +206,7 @@ SUITES = {
         SUITE,
         name="maros-meszaros",
         requests=of_collection,
-        columns=f"limit {COLUMNS}",
+        columns=f"{COLUMNS} limit",
         solvers=("nam", "piqp", "clarabel", "proxqp", "osqp"),
         tolerances=(1e-3, 1e-6, 1e-9),
     ),
@@ -224,8 +214,7 @@ SUITES = {
         SUITE,
         name="classes",
         requests=of_classes,
-        work=partial(measure, load=load_class),
-        about=about_class,
+        work=measure_class,
         columns=f"{COLUMNS} variables entries",
         solvers=tuple("nam piqp clarabel osqp proxqp qtqp".split()),
         tolerances=(1e-6,),
@@ -235,7 +224,12 @@ SUITES = {
     ),
     "families": FAMILIES,
     "changes": replace(
-        FAMILIES, name="generalisation", requests=of_changes, needs_data=True
+        FAMILIES,
+        name="generalisation",
+        requests=lambda args: of_kinds(
+            draw.CHANGES, data_sets.set_names(args.data, "all"), args
+        ),
+        needs_data=True,
     ),
     "infeasible": Suite(
         name="infeasible",
@@ -243,10 +237,9 @@ SUITES = {
         work=said_of,
         complete=complete,
         columns=(
-            "problem group truth solver eps variables outcome verdict runtime cold "
+            "problem solver | group truth eps variables outcome verdict runtime cold "
             "status"
         ),
-        keys="problem solver",
         solvers=("nam", "osqp", "piqp", "clarabel"),
         limit=5.0,
     ),

@@ -85,6 +85,5 @@ SUITE = Suite(
     name="first-call",
     requests=lambda args: ({"path": path} for path in PATHS),
     work=work,
-    columns="path import solve",
-    keys="path",
+    columns="path | import solve",
 )

@@ -14,7 +14,6 @@ hertz
 """
 
 import time
-from collections.abc import Iterator
 
 import numpy as np
 import qpsolvers
@@ -22,7 +21,7 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import LinearOperator
 
 from validation.harness import Job, Row, judging, qp_solvers, timing
-from validation.harness.suite import Args, Suite
+from validation.harness.suite import Suite
 from validation.problems import data_sets, hertz, sweep_scenes
 
 REPEATS = {"nam": 5, "osqp": 1}  # of Example 1
@@ -52,11 +51,6 @@ def contact(job: Job, name: str) -> Row:
     z, _, runtime = timing.median_time(lambda: solved(job, A, q))
     residual = judging.relative_residual(A, q, z)
     return {"n": q.size, "runtime": runtime, "relative_residual": residual}
-
-
-def contacts(args: Args) -> Iterator[Row]:
-    names = data_sets.set_names(args.data, "contact")
-    yield from ({"scene": name} for name in names[:: 4 if args.quick else 1])
 
 
 def example1(job: Job, side: int) -> Row:
@@ -98,17 +92,17 @@ def without_matrix(_: Job, cells: int) -> Row:
     return row | hertz.measured(problem, result.z)
 
 
-def grids(args: Args) -> Iterator[Row]:
-    yield from ({"cells": cells} for cells in CELLS[: 2 if args.quick else None])
-
-
 SUITES = {
     "contact": Suite(
         name="contact",
-        requests=contacts,
+        requests=lambda args: (
+            {"scene": name}
+            for name in data_sets.set_names(args.data, "contact")[
+                :: 4 if args.quick else 1
+            ]
+        ),
         work=contact,
-        columns="scene n solver runtime relative_residual",
-        keys="scene solver",
+        columns="scene solver | n runtime relative_residual",
         solvers=("nam", "piqp"),
         needs_data=True,
     ),
@@ -116,19 +110,19 @@ SUITES = {
         name="example1",
         requests=lambda args: [{"ask": lambda: (100 if args.quick else 1000,)}],
         work=example1,
-        columns="solver runtime residual memory",
-        keys="solver",
+        columns="solver | runtime residual memory",
         solvers=tuple(REPEATS),
         limit=600.0,
     ),
     "hertz": Suite(
         name="hertz",
-        requests=grids,
+        requests=lambda args: (
+            {"cells": cells} for cells in CELLS[: 2 if args.quick else None]
+        ),
         work=without_matrix,
         columns=(
-            "cells status products seconds residual radius_error force_error "
+            "cells | status products seconds residual radius_error force_error "
             "pressure_error"
         ),
-        keys="cells",
     ),
 }

@@ -17,7 +17,7 @@ import scipy.sparse as sp
 from qpsolvers import Problem
 
 from namlcp.cli.files import mat_problem
-from validation.harness import MissingDataError, csv_files, data_folder
+from validation.harness import MissingDataError, cli, csv_files
 
 SETS = ("mpc", "contact", "small", "strict", "all")
 INFINITY = 9e19  # 1e20 in the collection, in places rounded to slightly less
@@ -25,7 +25,7 @@ INFINITY = 9e19  # 1e20 in the collection, in places rounded to slightly less
 
 def set_names(data: Path, problem_set: str) -> list[str]:
     if problem_set in ("mpc", "contact"):
-        files = data_folder.require(data / problem_set).glob("*.npz")
+        files = cli.require(data / problem_set).glob("*.npz")
         names = sorted(file.stem for file in files)
     else:
         names = sorted(maros_index(data, problem_set))
@@ -37,7 +37,7 @@ def set_names(data: Path, problem_set: str) -> list[str]:
 def load(data: Path, problem_set: str, name: str) -> Problem:
     """Return one problem of a set, dense or sparse (csc_matrix) as the set has it."""
     if problem_set == "mpc":
-        return Problem.load(data_folder.require(data / "mpc" / f"{name}.npz"))
+        return Problem.load(cli.require(data / "mpc" / f"{name}.npz"))
     if problem_set == "contact":
         A, q = contact_lcp(data, name)
         return Problem(sp.csc_matrix(A), q, lb=np.zeros(q.size))
@@ -52,7 +52,7 @@ def contact_lcp(data: Path, name: str) -> tuple[sp.csr_matrix, np.ndarray]:
     A = W[::dim, ::dim], q = q[::dim], where every contact has `dim` rows of the
     Delassus matrix, the normal one first; scenes without `dim` are used whole.
     """
-    scene = np.load(data_folder.require(data / "contact" / f"{name}.npz"))
+    scene = np.load(cli.require(data / "contact" / f"{name}.npz"))
     dim = int(scene["dim"]) if "dim" in scene else 1
     arrays = (scene["data"], scene["indices"], scene["indptr"])
     W = sp.csr_matrix(arrays, shape=tuple(scene["shape"]))
@@ -64,7 +64,7 @@ def contact_lcp(data: Path, name: str) -> tuple[sp.csr_matrix, np.ndarray]:
 
 def heart_scale(data: Path) -> tuple[np.ndarray, np.ndarray]:
     """Return points (270 x 13) and labels of heart_scale, in LIBSVM's format."""
-    text = data_folder.require(data / "svm" / "heart_scale").read_text()
+    text = cli.require(data / "svm" / "heart_scale").read_text()
     lines = [line.split() for line in text.splitlines() if line.strip()]
     y = np.array([float(words[0]) for words in lines])
     X = np.zeros((y.size, 13))
@@ -77,7 +77,7 @@ def heart_scale(data: Path) -> tuple[np.ndarray, np.ndarray]:
 
 def maros_index(data: Path, problem_set: str) -> dict[str, dict[str, str]]:
     """Return the rows of index.csv that belong to a set, by problem name."""
-    index = csv_files.read(data_folder.require(data / "maros_meszaros" / "index.csv"))
+    index = csv_files.read(cli.require(data / "maros_meszaros" / "index.csv"))
     rows = {Path(row["file"]).stem: row for row in index}
     if problem_set == "all":
         return rows
@@ -96,7 +96,7 @@ def maros_problem(data: Path, name: str, dense: bool) -> Problem:
 
     Bounds that are all infinite become None.
     """
-    path = data_folder.require(data / "maros_meszaros" / f"{name}.mat")
+    path = cli.require(data / "maros_meszaros" / f"{name}.mat")
     P, q, G, h, A, b, lb, ub = mat_problem(str(path)).unpack()
     if dense:
         P, G, A = (None if M is None else M.toarray() for M in (P, G, A))

@@ -77,11 +77,6 @@ def latency(job: Job, n: int, eps: float) -> Row:
     }
 
 
-def of_sizes(args: Args) -> Iterator[Row]:
-    for n in QUICK_SIZES if args.quick else SIZES:
-        yield {"n": n, "eps": args.eps[0]}
-
-
 SCENE, LEVEL = "sparse MPC, definite", "moves a little"
 DRAWN = ("nam", "daqp", "quadprog", "piqp", "proxqp", "clarabel", "osqp")
 """Those that are drawn, where they were measured; other ways to call us are not."""
@@ -167,10 +162,11 @@ def of_batches(args: Args) -> Iterator[Row]:
 SUITES = {
     "latency": Suite(
         name="latency",
-        requests=of_sizes,
+        requests=lambda args: (
+            {"n": n, "eps": args.eps[0]} for n in (QUICK_SIZES if args.quick else SIZES)
+        ),
         work=latency,
-        columns="n solver eps microseconds solved problems residual status",
-        keys="n solver eps",
+        columns="n solver eps | microseconds solved problems residual status",
         solvers=tuple("nam piqp daqp proxqp clarabel osqp quadprog".split()),
         tolerances=(1e-6,),
         limit=20.0,
@@ -181,8 +177,7 @@ SUITES = {
         name="batches",
         requests=of_batches,
         work=batch,
-        columns="n m items threads solver microseconds throughput solved residual",
-        keys="n m items threads solver",
+        columns="n m items threads solver | microseconds throughput solved residual",
         solvers=("nam", "daqp"),
         limit=120.0,
     ),

@@ -14,29 +14,19 @@ all steps.
 
 import time
 from collections.abc import Iterator
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 from qpsolvers import Problem
 
 from namlcp import Status, solve_qp
-from validation.harness import (
-    Job,
-    Row,
-    judging,
-    qps,
-)
+from validation.harness import Job, Row, judging, qps
 from validation.harness.suite import Args, Suite
 from validation.problems import sequences as known
 from validation.repeated.workspaces import WORKSPACES
 
 REPEATS = 3
 LONG = 2.0  # [s] a run through the sequence, which is then not repeated
-COLUMNS = (
-    "scene size level solver variables inequalities equalities steps solved "
-    "microseconds residual difference status"
-)
 STEPS, QUICK_STEPS = 100, 12
 
 
@@ -48,7 +38,6 @@ class Recorded(NamedTuple):
     fresh: np.ndarray
 
 
-@lru_cache(maxsize=1)
 def recorded(scene: str, size: int, level: str, most: int) -> Recorded:
     """Run a scene's loop with fresh solves; keep at most so many steps."""
     problem, loop = known.SCENES[scene].make(size, level)
@@ -108,22 +97,18 @@ def judged_step(workspace: Any, problem: Problem, fresh: np.ndarray, eps: float)
     return row
 
 
-def described(request: Row) -> Row:
-    sequence = recorded(*(request[k] for k in ("scene", "size", "level", "steps")))
-    _, q, _, h, _, b, _, _ = qps.parts(sequence.problem)
-    found = {"variables": q.size, "inequalities": h.size, "equalities": b.size}
-    return found | {"steps": len(sequence.vectors)}
-
-
 def requests(args: Args) -> Iterator[Row]:
     steps = QUICK_STEPS if args.quick else STEPS
     for name, scene in known.SCENES.items():
         for size in scene.sizes[:1] if args.quick else scene.sizes:
             for level in known.LEVELS:
-                about = name, size, level, steps
+                made = recorded(name, size, level, steps)
+                _, q, _, h, _, b, _, _ = qps.parts(made.problem)
                 yield {
-                    "scene": name, "size": size, "level": level, "steps": steps,
-                    "ask": lambda about=about: (recorded(*about), args.eps[0]),
+                    "scene": name, "size": size, "level": level, "variables": q.size,
+                    "inequalities": h.size, "equalities": b.size,
+                    "steps": len(made.vectors),
+                    "ask": lambda made=made: (made, args.eps[0]),
                 }  # fmt: skip
 
 
@@ -131,9 +116,10 @@ SUITE = Suite(
     name="sequences",
     requests=requests,
     work=replayed,
-    about=described,
-    columns=COLUMNS,
-    keys="scene size level solver",
+    columns=(
+        "scene size level solver | variables inequalities equalities steps solved "
+        "microseconds residual difference status"
+    ),
     solvers=tuple(WORKSPACES),
     tolerances=(1e-9,),
     limit=30.0,

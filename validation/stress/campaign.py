@@ -19,6 +19,7 @@ ones.
 
 import argparse
 import collections
+import itertools
 import os
 import time
 from collections.abc import Iterator
@@ -38,6 +39,7 @@ from validation.stress.campaign_answers import (
     qpsolvers_problem,
 )
 from validation.stress.campaign_judge import (
+    Answer,
     Tolerance,
     judge_lcp,
     judge_malformed,
@@ -48,8 +50,6 @@ SOLVERS = ["nam", "osqp", "piqp", "proxqp", "clarabel", "daqp", "quadprog"]
 SETS = (*cases.CYCLES, *relations.RELATIONS)
 BATCH = 500  # problems between two writings of the CSV
 LIMIT = 5.0  # [s] a problem; the children have GRACE more
-WARM_UP = 3  # problems of each class before the clock of nam runs
-COMPILING = 900.0  # [s] for that, once, with nothing on the disk
 EPS, LOOSE = 1e-6, 10.0  # of the peers; beyond LOOSE EPS "found" is wrong
 
 
@@ -82,8 +82,7 @@ class Tally:
         self.path, self.header = path, header
         self.rows: dict[Key, Row] = {}
         self.done: collections.Counter[Part] = collections.Counter()
-        self.seconds: collections.defaultdict[Part, float]
-        self.seconds = collections.defaultdict(float)
+        self.seconds: dict[Part, float] = collections.defaultdict(float)
         for row in read(path):
             if row["outcome"] == "done":
                 part = Part(row["seed"], row["set"], row["solver"])
@@ -139,21 +138,23 @@ def truth_of(case: cases.Case) -> str:
     }.get((feasible, descends), "near")
 
 
+def judged(case: cases.Case, answer: Answer, own: bool) -> tuple[str, str, str]:
+    """Return what is true, the outcome, and why it is not right."""
+    if case.group in cases.MALFORMED:
+        return "malformed", *judge_malformed(answer, case.truth)
+    if "P" not in case.arguments:
+        return case.truth, *judge_lcp(case.problem, case.truth, answer, NAM_LCP)
+    truth = truth_of(case)
+    tolerance = NAM if own else Tolerance(EPS, EPS, LOOSE)
+    return truth, *judge_qp(clean(case.problem), truth, answer, tolerance, own)
+
+
 def examine(case: cases.Case, solver: str, limit: float) -> Row:
     own = solver == "nam"
     start = time.perf_counter()
-    answer = ask_nam(case) if own else ask_peer(case, solver, EPS, limit)
+    answer = ask_nam(case)[0] if own else ask_peer(case, solver, EPS, limit)
     seconds = time.perf_counter() - start
-    if case.group in cases.MALFORMED:
-        outcome, why = judge_malformed(answer, case.truth)
-        return {"truth": "malformed", "outcome": outcome, "why": why, "time": seconds}
-    if "P" not in case.arguments:
-        truth = case.truth
-        outcome, why = judge_lcp(case.problem, truth, answer, NAM_LCP)
-    else:
-        truth = truth_of(case)
-        tolerance = NAM if own else Tolerance(EPS, EPS, LOOSE)
-        outcome, why = judge_qp(clean(case.problem), truth, answer, tolerance, own)
+    truth, outcome, why = judged(case, answer, own)
     return {"truth": truth, "outcome": outcome, "why": why, "time": seconds}
 
 
@@ -166,56 +167,34 @@ def problem_of(part: Part, i: int, limit: float) -> Row:
     return examine(cases.make(part.seed, i, part.set), part.solver, limit)
 
 
-def work(job: Job, index: int | None) -> Row:
-    """Return the row of problem `index` (None: load and compile what nam needs)."""
-    if index is None:
-        kinds = {**cases.CYCLES, **relations.RELATIONS}[job.data.set]
-        for i in range(WARM_UP * len(kinds)):
-            problem_of(job.data._replace(seed=0), i, job.limit)
-        return {}
+def work(job: Job, index: int) -> Row:
     job.ready()
     return problem_of(job.data, index, job.limit)
 
 
-class CampaignBench(Bench):
-    """A child process that makes its problems itself: `data` is a `Part`."""
-
-    def start(self) -> None:
-        super().start()
-        if self.solver == "nam":
-            self.pipe.send((self.limit, None))
-            self.wait(COMPILING)
-
-    def examine(self, index: int) -> Row:
-        row = self.ask(index)
-        if "outcome" not in row:
-            words = row["status"]
-            outcome = {"timeout": "hang", "crashed": "crash"}.get(words, "raised")
-            row = {"truth": "", "outcome": outcome, "why": words, "time": self.limit}
-        return row | {"class": class_of(index, self.data.set)}
-
-
-def class_of(i: int, name: str) -> str:
+def asked(child: Bench, index: int) -> Row:
+    row, name = child.ask(index), child.data.set
+    if "outcome" not in row:
+        words = row["status"]
+        outcome = {"timeout": "hang", "crashed": "crash"}.get(words, "raised")
+        row = {"truth": "", "outcome": outcome, "why": words, "time": child.limit}
     of = relations.class_of if name in relations.RELATIONS else cases.group_of
-    return of(i, name)
-
-
-def parts(args: argparse.Namespace) -> list[Part]:
-    """Return what is to be run, in order: the peers have one seed of one set."""
-    solvers = machine.installed(args.solvers)
-    return [
-        Part(seed, name, solver)
-        for name in args.classes
-        for solver in solvers
-        for seed in args.seeds
-        if solver == "nam" or (name == "every" and seed == args.seeds[0])
-    ]
+    return row | {"class": of(index, name)}
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run what is not done yet; return 1 if an answer of nam is never to be given."""
+    """Run what is not done yet; return 1 if an answer of nam is never to be given.
+
+    The peers have one seed of one set.
+    """
     tally = Tally(args.csv, cli.begin(SOLVERS))  # more of them may come later
-    for part in parts(args):
+    solvers = machine.installed(args.solvers)
+    for part in itertools.starmap(
+        Part, itertools.product(args.seeds, args.classes, solvers)
+    ):
+        first = part.set == "every" and part.seed == args.seeds[0]
+        if part.solver != "nam" and not first:
+            continue
         if tally.done[part] < args.problems:
             run_part(part, tally, args)
         print(f"{part}: {tally.done[part]} problems", flush=True)
@@ -228,11 +207,11 @@ def run(args: argparse.Namespace) -> int:
 
 def run_part(part: Part, tally: Tally, args: argparse.Namespace) -> None:
     suited = cases.DEFINITE if part.solver == "quadprog" else cases.CONVEX
-    with CampaignBench(work, part.solver, args.limit, part) as child:
+    with Bench(work, part.solver, args.limit, part) as child:
         began = time.perf_counter()
         for i in range(tally.done[part], args.problems):
             if part.solver == "nam" or cases.kind_of(i, part.set) in suited:
-                tally.add(part, i, child.examine(i))
+                tally.add(part, i, asked(child, i))
             if (i + 1) % BATCH == 0 or i + 1 == args.problems:
                 tally.done[part] = i + 1
                 tally.seconds[part] += time.perf_counter() - began

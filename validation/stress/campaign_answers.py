@@ -59,7 +59,8 @@ SAID = {
 }
 
 
-def ask_nam(case: cases.Case) -> Answer:
+def ask_nam(case: cases.Case) -> tuple[Answer, Any]:
+    """Return the answer, and namlcp's own result or exception."""
     import namlcp
 
     before = snapshot(case.arguments)
@@ -67,14 +68,16 @@ def ask_nam(case: cases.Case) -> Answer:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
             if "P" in case.arguments:
-                answer = qp_answer(namlcp.solve_qp(**case.arguments))
+                result: Any = namlcp.solve_qp(**case.arguments)
+                answer = qp_answer(result)
             else:
-                answer = lcp_answer(namlcp.solve_lcp(**case.arguments))
+                result = namlcp.solve_lcp(**case.arguments)
+                answer = lcp_answer(result)
     except Exception as error:
-        answer = Answer("error", words=f"{error}", kind=type(error))
+        answer, result = Answer("error", words=f"{error}", kind=type(error)), error
     if snapshot(case.arguments) != before:
-        return Answer("error", words="an input was changed", kind=RuntimeError)
-    return answer
+        answer = Answer("error", words="an input was changed", kind=RuntimeError)
+    return answer, result
 
 
 def qp_answer(result: Any) -> Answer:
