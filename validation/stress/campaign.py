@@ -189,12 +189,10 @@ def run(args: argparse.Namespace) -> int:
     """
     tally = Tally(args.csv, cli.begin(SOLVERS))  # more of them may come later
     solvers = machine.installed(args.solvers)
-    for part in itertools.starmap(
-        Part, itertools.product(args.seeds, args.classes, solvers)
-    ):
-        first = part.set == "every" and part.seed == args.seeds[0]
-        if part.solver != "nam" and not first:
+    for name, solver, seed in itertools.product(args.classes, solvers, args.seeds):
+        if solver != "nam" and (name, seed) != ("every", args.seeds[0]):
             continue
+        part = Part(seed, name, solver)
         if tally.done[part] < args.problems:
             run_part(part, tally, args)
         print(f"{part}: {tally.done[part]} problems", flush=True)

@@ -25,7 +25,7 @@ import namlcp
 from namlcp.qp import QP
 from validation.derivatives import cases as planted
 from validation.derivatives import differences
-from validation.problems.fuzzed import cases, changes, draw, qps
+from validation.problems.fuzzed import cases, draw, qps
 from validation.stress.campaign_answers import NAM, clean, qp_answer
 from validation.stress.campaign_closest import closest
 from validation.stress.campaign_judge import Answer, judge_qp
@@ -84,7 +84,7 @@ def sequence(maker: cases.Maker, d: draw.Draw) -> Verdict:
         outcome, why = agreement(qp, alone, answer_of(solver.solve))
         if outcome != "right":
             return outcome, f"step {step}: {why}"
-        new = changes.changed(d, qp)
+        new = qps.changed(d, qp)
         given |= {
             name: wrap(value) if value.ndim == 2 else value
             for name, value in new._asdict().items()
@@ -102,7 +102,7 @@ def sequence(maker: cases.Maker, d: draw.Draw) -> Verdict:
 def batch(maker: cases.Maker, d: draw.Draw) -> Verdict:
     """Solve QPs of one size at once; what all share is passed once, or N times."""
     items = [maker(d)[0]]
-    change = changes.changed if d.chance(0.5) else changes.vectors
+    change = qps.changed if d.chance(0.5) else qps.moved_vectors
     items += [change(d, items[0]) for _ in range(ITEMS - 1)]
     arguments, stacked = {}, False
     for name, first in items[0]._asdict().items():

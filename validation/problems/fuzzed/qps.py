@@ -394,3 +394,46 @@ def rounded_cost(draw: Draw) -> Truth:
     draw.whole = False
     P = semidefinite(draw, n).astype(np.float32).astype(float)
     return ordinary(draw, P, m, p)[0], "near"
+
+
+# ---- changes
+
+
+def moved_vectors(draw: Draw, qp: QP) -> QP:
+    """Move q, h and b; in two of three cases A x = b stays consistent if it was."""
+    step = draw.one_of(1e-3, 0.1, 1.0)
+    n, p = qp.q.size, qp.b.size
+    shift = qp.A @ draw.numbers(n) if draw.chance(0.67) else draw.numbers(p)
+    return qp._replace(
+        q=qp.q + step * draw.numbers(n),
+        h=qp.h + step * draw.numbers(qp.h.size),
+        b=qp.b + step * shift,
+    )
+
+
+def moved_bounds(draw: Draw, qp: QP) -> QP:
+    """Move bounds, take some away, and bring some; they may contradict each other."""
+    n, step = qp.q.size, draw.one_of(0.1, 1.0)
+    lb, ub = qp.lb + step * draw.numbers(n), qp.ub + step * draw.numbers(n)
+    if draw.chance(0.8):
+        lb, ub = np.minimum(lb, ub), np.maximum(lb, ub)
+    lb = np.where(draw.some(n, 0.1), -INF, lb)
+    top = np.where(np.isfinite(lb), lb, 0.0) + draw.positive(n)
+    return qp._replace(lb=lb, ub=np.where(draw.some(n, 0.1), top, ub))
+
+
+def moved_matrices(draw: Draw, qp: QP) -> QP:
+    """Change the values of P, G and A; zeros stay, and P as convex as it was."""
+    d = draw.power(-0.5, 0.5, qp.q.size)
+    G, A = (M * draw.power(-0.1, 0.1, M.size).reshape(M.shape) for M in (qp.G, qp.A))
+    return qp._replace(P=symmetric(d[:, None] * qp.P * d), G=G, A=A)
+
+
+CHANGES: tuple[Callable[[Draw, QP], QP], ...] = (
+    moved_vectors, moved_vectors, moved_bounds, moved_matrices, lambda draw, qp: qp,
+)  # fmt: skip
+
+
+def changed(draw: Draw, qp: QP) -> QP:
+    """Return a QP as it changes from one solve to the next."""
+    return CHANGES[int(draw.rng.integers(len(CHANGES)))](draw, qp)
