@@ -117,7 +117,6 @@ def plain_difference(old: Row, new: Row) -> str:
 
 
 def compare(found: dict[str, list[Row]], book: Path) -> int:
-    """Print the table of differences, and what is wrong, worse or better."""
     print(f"\n{'':<22}" + "".join(f"{kind:>9}" for kind in KINDS) + "  iterations")
     total: collections.Counter[str] = collections.Counter()
     listed = []

@@ -144,7 +144,6 @@ class March:
         self.q = np.empty_like(self.V)
 
     def run(self, steps: int) -> float:
-        """Take steps and return their time."""
         _, _, left, *A = self.grid
         start = time.thread_time()
         for _ in range(steps):

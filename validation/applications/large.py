@@ -41,12 +41,7 @@ from validation.harness import (
     timing,
 )
 from validation.harness.suite import Args, Late, Suite
-from validation.problems import (
-    contact_scenes,
-    hertz,
-    known_scenes,
-    sweep_scenes,
-)
+from validation.problems import contact_scenes, hertz, known_scenes, sweep_scenes
 
 SIZES = (10_000, 100_000, 1_000_000)
 FORCED_SIZES = (10_000, 40_000, 90_000, 100_000, 1_000_000, 4_000_000)
@@ -241,7 +236,6 @@ PILES = {"heap": "o", "heap, wide": "s", "wall": "^"}
 
 
 def plot(results: Path, figures: Path) -> None:
-    """Draw large.svg: time against n, beside one linear solve and peers."""
     rows = csv_files.read(results)
     dashed = {"color": charts.DARK, "linestyle": "--", "label": "one linear solve"}
     size = charts.WIDTH, 7.5

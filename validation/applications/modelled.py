@@ -66,7 +66,6 @@ def largest(*arrays: Any) -> float:
 
 
 def residuals(qp: tuple[Any, ...], x: Any, y: Any, z: Any) -> dict[str, float]:
-    """Return the relative residuals of a primal-dual point: module docstring."""
     P, q, A, b, F, g = qp
     Px, Ax, Fx, Ay, Fz = P @ x, A @ x, F @ x, A.T @ y, F.T @ z
     finite = np.isfinite(g)
@@ -82,7 +81,6 @@ def residuals(qp: tuple[Any, ...], x: Any, y: Any, z: Any) -> dict[str, float]:
 
 
 def judge(problem: Any, chain: Any, raw: Any, data: Any, inverse: Any) -> Row:
-    """Return status, objective and residuals of what the solver handed back."""
     last, solver = inverse[-1], chain.solver
     solution = solver.invert(raw, last)
     row: Row = {"status": solution.status, "iterations": solution.attr.get("num_iters")}
@@ -142,7 +140,6 @@ def work(job: Job, size: str, name: str) -> Row:
 
 
 def worst(row: Row) -> float:
-    """Return the largest residual of a row, infinite where it has no point."""
     return max(np.inf if row.get(name) is None else row[name] for name in ERRORS)
 
 
@@ -234,7 +231,6 @@ SEQUENCES: dict[str, tuple[Callable[..., Sequence], dict[str, tuple[int, ...]]]]
 
 
 def resolve(name: str, size: str, variant: str) -> Row:
-    """Run one sequence with one solver, whose calls are recorded."""
     from namlcp.cvxpy import NAM
 
     make, sizes = SEQUENCES[name]

@@ -82,13 +82,11 @@ NUMPY = {name: getattr(np, name) for name in ("fmin", "fmax", "isnan", "log10", 
 
 
 def said(verb: str, values: list[Any]) -> float:
-    """Return what a verb says of values, nan of nothing but a count or a sum."""
     counts = verb in ("count", "sum")
     return float(VERBS[verb](values)) if values or counts else math.nan
 
 
 def typed(texts: Iterable[str]) -> list[Any]:
-    """Return the entries of a column as truth values, numbers or texts."""
     known = {"True": True, "False": False}
     try:
         return [
@@ -194,7 +192,6 @@ def claims(known: Figures, part: str = "") -> list[Claim]:
 
 
 def moved(before: list[Claim], now: list[Claim]) -> str:
-    """Return a table of two runs' claims; what fell is marked."""
     lines = []
     for old, new in zip(before, now, strict=True):
         word = "holds" if new.holds else "FELL" if old.holds else "falls short"

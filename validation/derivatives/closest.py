@@ -33,14 +33,7 @@ import scipy.sparse as sp
 from qpsolvers import Problem
 
 import namlcp
-from validation.harness import (
-    Job,
-    Row,
-    judging,
-    qp_solvers,
-    qps,
-    timing,
-)
+from validation.harness import Job, Row, judging, qp_solvers, qps, timing
 from validation.harness.suite import Args, Suite
 from validation.problems import infeasible_cases
 from validation.problems.sequences import Sequence, condensed, single, stagewise
@@ -219,9 +212,5 @@ def requests(args: Args) -> Iterator[Row]:
 
 
 SUITE = Suite(
-    name="closest",
-    requests=requests,
-    work=work,
-    columns=COLUMNS,
-    limit=600.0,
+    name="closest", requests=requests, work=work, columns=COLUMNS, limit=600.0
 )

@@ -83,7 +83,6 @@ def lcp_solution(lcp: Any, side: np.ndarray) -> np.ndarray:
 
 
 def difference(solution: Callable[[float], np.ndarray]) -> np.ndarray:
-    """Return the derivative at 0 by two central differences (Richardson)."""
     coarse, fine = (
         (solution(t) - solution(-t)) / (2 * np.longdouble(t)) for t in (STEP, STEP / 2)
     )
@@ -91,7 +90,6 @@ def difference(solution: Callable[[float], np.ndarray]) -> np.ndarray:
 
 
 def relative(found: np.ndarray, expected: np.ndarray, value: np.ndarray) -> float:
-    """Return the largest difference over the sizes of derivative and solution."""
     size = np.abs(expected) + np.abs(value)
     return float(np.max(np.abs(found - expected) / np.where(size > 0.0, size, 1.0)))
 
@@ -186,8 +184,7 @@ def lcp_kink_error(seed: int) -> float:
     result = namlcp.solve_lcp(A, q, eps_abs=1e-13)
     found = result.directional(dA=dA, dq=dq)
     return one_sided_error(
-        found.z,
-        lambda t: namlcp.solve_lcp(A + t * dA, q + t * dq, eps_abs=1e-13).z,
+        found.z, lambda t: namlcp.solve_lcp(A + t * dA, q + t * dq, eps_abs=1e-13).z
     )
 
 

@@ -186,7 +186,6 @@ def dqp(data: Data) -> Pass:
 def gradients_of(
     data: Data, x: np.ndarray, z: np.ndarray, active: np.ndarray, w: np.ndarray
 ) -> tuple[Any, ...]:
-    """Return the gradients from the solution w of the KKT system."""
     n = x.size
     u, lam = w[:n], np.zeros(z.size)
     lam[active] = w[n:]
@@ -200,7 +199,6 @@ def gradients_of(
 
 
 def reference(data: Data) -> tuple[Any, ...]:
-    """Return the gradients to more than double precision."""
     P, q, G, h, g = data
     active = np.flatnonzero(namlcp.solve_qp(P, q, G, h).z > 1e-8)
     k, n, C = active.size, q.size, G[active]
@@ -223,7 +221,6 @@ def reference(data: Data) -> tuple[Any, ...]:
 
 
 def error_of(found: tuple[Any, ...], exact: tuple[Any, ...]) -> float:
-    """Return the largest relative difference of the gradients that are there."""
     worst = 0.0
     for own, true in zip(found, exact, strict=True):
         if own is not None:
@@ -233,7 +230,6 @@ def error_of(found: tuple[Any, ...], exact: tuple[Any, ...]) -> float:
 
 
 def best_times(both: Pass, seconds: float = 1.0) -> tuple[float, float, Any]:
-    """Return the best times of solve and backward, and the gradients."""
     solve, backward = both
     backward(solve())  # compiles, or loads what is compiled
     times, begin = [], time.process_time()

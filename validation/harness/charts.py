@@ -69,7 +69,6 @@ mpl.rcParams.update(
 
 
 def save(figure: Figure, file: Path) -> None:
-    """Write a figure as the suffix of `file` says, without the date, and close it."""
     file.parent.mkdir(parents=True, exist_ok=True)
     metadata = {"Date": None} if file.suffix == ".svg" else None
     figure.savefig(file, metadata=metadata, bbox_inches="tight")

@@ -62,5 +62,4 @@ def begin(solvers: Iterable[str] = (), *more: str) -> list[str]:
 
 
 def script(name: str, *arguments: str) -> list[str]:
-    """Return the command of a script, "room.script", to be run in the folder ROOT."""
     return [sys.executable, "-u", "-m", "validation", name, *arguments]

@@ -85,7 +85,6 @@ def write(file: Path, header: list[str], rows: list[Row]) -> None:
 
 
 def header(file: Path) -> list[str]:
-    """Return what the first lines of a CSV file say of the run."""
     lines = file.read_text().splitlines()
     return [line[2:].strip() for line in lines if line[:2] == "# "]
 

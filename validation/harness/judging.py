@@ -17,7 +17,6 @@ RESIDUALS = ["primal_residual", "dual_residual", "duality_gap", "sign_violation"
 
 
 def said_by(solution: Solution) -> str:
-    """Return what the solver says in its own words; "" where it does not tell."""
     extras = solution.extras or {}
     return str(extras.get("status", getattr(extras.get("info"), "status", "")))
 
@@ -99,7 +98,6 @@ def relative_residual(A: sp.csr_matrix, q: np.ndarray, z: np.ndarray) -> float:
 
 
 def verdict(problem: Problem, solution: Solution, eps: float) -> tuple[str, str]:
-    """Return what the solver says in our words, and in its own."""
     said = said_by(solution)
     plain = said.lower().replace("_", "").replace(" ", "")
     if "primalinfeasible" in plain:

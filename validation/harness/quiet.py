@@ -25,7 +25,6 @@ class BusyError(RuntimeError):
 
 
 def said() -> str:
-    """Return what a CSV header says of other processes."""
     words = {
         QUIET: f"others kept less than {MOST_BUSY} of a core busy",
         BESIDE: "beside another process on the other core (--busy)",

@@ -43,7 +43,6 @@ class Late(NamedTuple):
     words: frozenset[str] = frozenset(LATE)
 
     def hardness(self, row: Row) -> float:
-        """Return a number that is larger where more is asked for."""
         value = float(row[self.by])
         return -value if self.by == "eps" else value
 
@@ -243,7 +242,6 @@ class Run:
         return row["solver"], *(str(row[name]) for name in self.suite.late.same)
 
     def note(self, row: Row) -> None:
-        """Remember that a solver was late, or how long namlcp took."""
         said = row.get("status") or row.get("said")
         if self.suite.late and said in self.suite.late.words:
             self.late[self.alike(row)].append(row)

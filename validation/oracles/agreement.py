@@ -80,7 +80,6 @@ Quantity = tuple[str, dict[str, float], tuple[float, float, str]]
 def quantities(
     scene: Scene, lcp: BoxLCP, have: dict[str, Answer], residuals: dict[str, float]
 ) -> Iterator[Quantity]:
-    """Yield what is compared: known values, then objective, z and w."""
     for known in scene.known:
         values = {s: known.of(lcp, a.z) for s, a in have.items()}
         yield known.quantity, values, (known.value, known.absolute, known.source)
@@ -103,7 +102,6 @@ def quantities(
 
 
 def scene_rows(scene: Scene, lcp: BoxLCP, found: dict[str, Answer]) -> list[Row]:
-    """Return the rows of one scene; of who has no point, one."""
     residuals = {s: residual_of(lcp, a.z) for s, a in found.items()}
     have = {s: a for s, a in found.items() if residuals[s] < np.inf}
     rows: list[Row] = []
@@ -124,7 +122,6 @@ def scene_rows(scene: Scene, lcp: BoxLCP, found: dict[str, Answer]) -> list[Row]
 
 
 def reason(row: Row, found: dict[str, Answer], residuals: dict[str, float]) -> str:
-    """Return why a row does not agree, from the natural residuals."""
     own, ours = residuals[row["solver"]], residuals.get("nam", np.inf)
     said, source = found[row["solver"]].said, residuals.get(row["source"], 0.0)
     if source > 10.0 * own:

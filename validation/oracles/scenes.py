@@ -65,7 +65,6 @@ def at_bounds(scene: BoxLCP, z: np.ndarray) -> float:
 
 
 def ball_error(_: BoxLCP, z: np.ndarray, m: int, worst: bool) -> float:
-    """Return the largest or the average error against the exact membrane."""
     error = np.abs(z - known.ball_solution(m)[1:-1, 1:-1].ravel())
     return float(error.max() if worst else error.sum() / m**2)
 

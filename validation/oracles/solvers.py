@@ -31,7 +31,6 @@ class Answer(NamedTuple):
 
 
 def is_symmetric(A: Any) -> bool:
-    """Tell whether A is symmetric but for rounding."""
     return bool(abs(A - A.T).max() <= 1e-12 * abs(A).max())
 
 
@@ -70,7 +69,6 @@ def by_qp(scene: BoxLCP, limit: float, solver: str) -> Answer | None:
 
 
 def lemke(scene: BoxLCP, limit: float) -> Answer | None:
-    """Solve by Lemke's method of quantecon, z >= lower and small alone."""
     if scene.q.size > LEMKE or np.isfinite(scene.upper).any():
         return None
     from quantecon.optimize import lcp_lemke

@@ -79,7 +79,6 @@ def proves(verdict: Verdict, A: np.ndarray) -> bool:
 
 
 def definition_rows(count: int) -> Iterator[Row]:
-    """Compare is_h_plus with the definition, `count` matrices at each distance."""
     rng = np.random.default_rng(0)
     for side, distance in itertools.product((-1.0, 1.0), DISTANCES):
         seen: Counter[str] = Counter()
@@ -111,7 +110,6 @@ def solve_time(A: Any, example: int) -> float:
 
 
 def time_rows(m: int) -> Iterator[Row]:
-    """Time is_h_plus on n = m^2 unknowns beside a sweep and a multigrid solve."""
     for example, delta in ((1, 4.0), (1, 1.0), (1, 0.0), (1, -0.1), (2, 4.0), (2, 0.0)):
         scene = sweep_scenes.paper_example(example, m, delta)
         A = scene.A
@@ -164,7 +162,6 @@ def random_parameters(rng: np.random.Generator, method: str, D: np.ndarray) -> R
 
 
 def proof_rows(count: int) -> Iterator[Row]:
-    """Run what `converges` proves and what it refutes, `count` problems a kind."""
     rng = np.random.default_rng(1)
     for kind in KINDS:
         seen: Counter[str] = Counter()

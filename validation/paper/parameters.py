@@ -67,7 +67,6 @@ class Run:
         self.eps = EPS_REL * natural_residual(zero, A @ zero + q, lower, upper)
 
     def sweeps(self, step: Step | None, cap: int) -> float:
-        """Return the sweeps to the tolerance, inf if there are more than `cap`."""
         if step is None:
             return math.inf
         limits = Limits(self.eps, max_iter=cap)
@@ -90,7 +89,6 @@ def beta_of(method: str) -> float | None:
 
 
 def points(method: str) -> Iterator[tuple[float | None, float]]:
-    """Yield (alpha, c), from the middle of the grid outwards."""
     takes = SWEEPS[method].takes
     alphas: tuple[float | None, ...] = ALPHAS if "alpha" in takes else (None,)
     cs = CS if "omega" in takes else (math.nan,)
@@ -127,7 +125,6 @@ def compare(_: Job, scene: known_scenes.BoxLCP, is_example: bool, method: str) -
 
 
 def shown(sweeps: float) -> float | str:
-    """Return a number of sweeps, "none" where there is none."""
     return "none" if sweeps == math.inf else sweeps
 
 

@@ -100,7 +100,6 @@ def outcome(scene: BoxLCP, method: str, **given: Any) -> int | str:
 
 
 def fixed(scene: BoxLCP, chart: Map) -> Row:
-    """Return the arguments of a method that are the same in all cells."""
     D = scene.A.diagonal()
     return {"shift": {"I": 1.0, "D": D}.get(chart.shift), "beta": chart.beta}
 
@@ -110,7 +109,6 @@ def key(name: str, chart: Map) -> Row:
 
 
 def class_rows() -> Iterator[Row]:
-    """Yield a row for each class, method and c with a column for each alpha."""
     alphas = np.linspace(0.1, 1.9, 19)
     powers = np.linspace(-5.0, 4.0, 19)
     for name, scene in sweep_scenes.problem_classes().items():
@@ -169,7 +167,6 @@ def title_of(row: Row) -> str:
 
 
 def show(axes: Axes, rows: list[Row], down: str) -> None:
-    """Draw the cells of rows, which differ in a column, and label some."""
     names = [name for name in rows[0] if name.strip("-").replace(".", "").isdigit()]
     cells = np.array([[colour(row[name]) for name in names] for row in rows])
     axes.imshow(cells, aspect="auto", interpolation="nearest")
@@ -181,7 +178,6 @@ def show(axes: Axes, rows: list[Row], down: str) -> None:
 
 
 def finish(figure: Figure, axes: Any, file: Path, across: str, down: str) -> None:
-    """Name the axes, add the colours of counts and failures, and save."""
     bar = figure.colorbar(ScalarMappable(LIMITS, COUNTS), ax=axes, shrink=0.5, pad=0.01)
     bar.set_label("sweeps to Res < $10^{-6}$ Res($z_0$)")
     patches = [Patch(color=look, label=text) for look, text in FAILURES.values()]
@@ -198,7 +194,6 @@ def plot(results: Path, figures: Path) -> None:
 
 
 def plot_maps(rows: list[Row], figures: Path) -> None:
-    """Draw c against alpha for every class (column) and method (row)."""
     classes = tables.distinct(rows, "class")
     methods = tables.distinct(rows, "method", "shift")
     figure, grid = plt.subplots(
@@ -229,7 +224,6 @@ def plot_maps(rows: list[Row], figures: Path) -> None:
 
 
 def plot_units(rows: list[Row], figures: Path) -> None:
-    """Draw delta against the unit of A and q, 10^k, for every method."""
     figure, grid = plt.subplots(
         3, 7, figsize=(11.5, 6.0), sharex=True, sharey=True, layout="constrained"
     )

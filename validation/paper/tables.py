@@ -63,7 +63,6 @@ def solve(scene: BoxLCP, m: int, method: str, max_iter: int, **given: Any) -> LC
 
 
 def table_rows() -> Iterator[Row]:
-    """Yield the 48 printed runs with what was printed."""
     for (example, method, alpha), printed in TABLES.items():
         given: Row = {} if alpha is None else {"alpha": alpha}
         if method.startswith("nam"):
@@ -90,7 +89,6 @@ def table_rows() -> Iterator[Row]:
 
 
 def large_rows() -> Iterator[Row]:
-    """Yield held-out sizes up to n = 10^6 beside the plain transcription."""
     cases = itertools.product((1, 2), ((4.0, 0.5), (1.0, 0.8)), HELD_OUT)
     for example, (delta, c), m in cases:
         scene = sweep_scenes.paper_example(example, m, delta)

@@ -133,7 +133,6 @@ def measure_class(job: Job, name: str, size: str, eps: float) -> Row:
 
 
 def of_kinds(kinds: Iterable[str], names: Iterable[str], args: Args) -> Iterator[Row]:
-    """Yield all problems of a kind, solver by solver."""
     chosen = list(names)[:: 10 if args.quick else 1]
     for kind, solver, eps in product(kinds, args.solvers, args.eps):
         for name in chosen:

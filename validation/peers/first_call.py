@@ -61,7 +61,6 @@ PATHS: dict[str, Callable[[], Any]] = {
 
 
 def timed(path: str) -> None:
-    """Print the seconds of the import and of the call: what a fresh process does."""
     start = time.perf_counter()
     import namlcp  # noqa: F401
 

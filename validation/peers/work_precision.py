@@ -72,7 +72,6 @@ def sweep_call(
 def solver_call(
     task: families.Task, solver: str, eps: float, limit: float
 ) -> Callable[[], Any]:
-    """Return the call that is timed: a sweep, or a solver through qpsolvers."""
     kind, _, name = solver.rpartition(" ")
     if kind == "sweep":
         return sweep_call(task, name, eps, limit)

@@ -167,7 +167,6 @@ def random_qp(rng: Rng, dials: Dials) -> Problem:
 
 
 def repeated(rng: Rng, C: Any, density: float) -> Any:
-    """Return a matrix with a fifth of its rows again, nearly."""
     rows = C[rng.integers(0, C.shape[0], C.shape[0] // 5 + 1)]
     size = 10.0 ** rng.integers(-8, -2)
     again = rows + size * entries(rng, *rows.shape, density)
@@ -199,7 +198,6 @@ def rescaled(problem: Problem, rng: Rng, rows: float, columns: float) -> Problem
 
 
 def noisy(problem: Problem, rng: Rng, size: float = 1e-3) -> Problem:
-    """Return the problem with every number times 1 + size N(0, 1)."""
     P, q, G, h, A, b, lb, ub = problem.unpack()
 
     def factors(count: int) -> np.ndarray:

@@ -159,7 +159,6 @@ def random_unbounded(seed: int, n: int, m: int, p: int, dense: bool) -> Case:
 
 
 def bases(data: Path) -> list[str]:
-    """Return the names of the convex Maros-Meszaros problems that are small enough."""
     index = data_sets.maros_index(data, "all")
     return sorted(
         name
@@ -247,7 +246,6 @@ def add_variables(problem: Problem, count: int) -> Problem:
 
 
 def is_feasible(problem: Problem) -> bool | None:
-    """Ask HiGHS whether the constraints have a point; None if it cannot tell."""
     if problem.h is not None and (problem.h == -np.inf).any():
         return False
     answer = linear_program(np.zeros(problem.q.size), problem)

@@ -34,7 +34,6 @@ class BoxLCP(NamedTuple):
 
 
 def nonnegative(A: sp.csr_array | np.ndarray, q: np.ndarray) -> BoxLCP:
-    """Return the LCP z >= 0, w >= 0, z'w = 0."""
     return BoxLCP(A, q, np.zeros_like(q), np.full_like(q, np.inf))
 
 
@@ -273,7 +272,6 @@ def box_3d(m: int) -> BoxLCP:
 
 
 def anisotropic(m: int, epsilon: float = 0.01) -> BoxLCP:
-    """Return the forced obstacle with -u_xx - epsilon u_yy."""
     return nonnegative(five_point(m, m, 1.0, epsilon), forced_load(m))
 
 

@@ -46,7 +46,6 @@ def square(r: Any) -> Any:
 
 
 def regression(m: int, n: int, noise: float = 0.3) -> Data:
-    """Return a Gaussian matrix and a right-hand side from a sparse truth."""
     rng = np.random.default_rng(m + n)
     X = rng.standard_normal((m, n))
     truth = np.where(rng.random(n) < 0.3, rng.standard_normal(n), 0.0)
@@ -54,7 +53,6 @@ def regression(m: int, n: int, noise: float = 0.3) -> Data:
 
 
 def outliers(m: int, n: int) -> Data:
-    """Return `regression` with a tenth of the right-hand side far off."""
     X, y = regression(m, n)
     rng = np.random.default_rng(m)
     return X, y + np.where(rng.random(m) < 0.1, 10.0 * rng.standard_normal(m), 0.0)
@@ -92,18 +90,15 @@ def scaled(m: int, n: int) -> Data:
 
 
 def collinear(m: int, n: int) -> Data:
-    """Return `regression` with every column twice and one that is constant."""
     X, y = regression(m, n)
     return np.hstack((X, X, np.ones((m, 1)))), y
 
 
 def l1(w: Any, X: np.ndarray, y: np.ndarray, fraction: float) -> Any:
-    """Return an l1 penalty, a fraction of that from which on w = 0."""
     return fraction * 2.0 * np.abs(X.T @ y).max() * cp.norm1(w)
 
 
 def hinge(w: Any, X: np.ndarray, labels: np.ndarray) -> Any:
-    """Return the hinge loss of a plane with a free offset."""
     return cp.sum(cp.pos(1 - cp.multiply(labels, X @ w + cp.Variable())))
 
 
@@ -217,7 +212,6 @@ def market(n: int, factors: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def portfolio(terms: Callable[..., Terms], n: int) -> cp.Problem:
-    """Return one of PORTFOLIOS, its covariance dense and definite."""
     mean, loadings, specific = market(n, max(2, n // 10))
     w = cp.Variable(n)
     sigma = loadings @ loadings.T + np.diag(specific)
@@ -253,7 +247,6 @@ PORTFOLIOS: dict[str, Callable[..., Terms]] = {
 
 
 def factor_model(n: int, factors: int) -> cp.Problem:
-    """Mean-variance with a factor model and market neutrality."""
     mean, loadings, specific = market(n, factors)
     w, f = cp.Variable(n), cp.Variable(factors)
     risk = square(f) + square(cp.multiply(np.sqrt(specific), w))
@@ -261,7 +254,6 @@ def factor_model(n: int, factors: int) -> cp.Problem:
 
 
 def many_periods(n: int, periods: int) -> cp.Problem:
-    """Trade over several periods with costs."""
     mean, loadings, specific = market(n, 5)
     w, cost = cp.Variable((periods + 1, n)), 0
     for t in range(1, periods + 1):
@@ -285,7 +277,6 @@ def plant(nx: int, nu: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def control(
     terms: Callable[..., Terms], nx: int, nu: int, steps: int, scale: float = 1.0
 ) -> cp.Problem:
-    """Return one of CONTROLS, from scale times the start of `plant`."""
     A, B, start = plant(nx, nu)
     x, u = cp.Variable((nx, steps + 1)), cp.Variable((nu, steps))
     moves = x[:, 0] == scale * start, x[:, 1:] == A @ x[:, :-1] + B @ u
@@ -321,7 +312,6 @@ CONTROLS: dict[str, tuple[Callable[..., Terms], float, int]] = {
 
 
 def steps(n: int, rng: Rng, length: int = 10) -> np.ndarray:
-    """Return a noisy piecewise constant signal."""
     levels = np.repeat(rng.standard_normal(n // length + 1), length)[:n]
     return levels + 0.2 * rng.standard_normal(n)
 
@@ -361,7 +351,6 @@ def image_total_variation(n: int) -> cp.Problem:
 
 
 def nonnegative_factor(m: int, n: int, rank: int) -> cp.Problem:
-    """Find one factor of a nonnegative matrix, a matrix variable."""
     rng = np.random.default_rng(m)
     H = cp.Variable((rank, n), nonneg=True)
     return least(square(rng.random((m, n)) - rng.random((m, rank)) @ H))
@@ -400,7 +389,6 @@ def lp_unique(x: Any, m: int, rng: Rng) -> Terms:
 
 
 def lp_face(x: Any, m: int, rng: Rng) -> Terms:
-    """Pose an LP whose solutions are a whole face."""
     A = rng.random((m, x.size))
     rows = A @ x <= A.sum(axis=1) / 2.0, x >= 0, x <= 1, cp.sum(x) <= x.size / 4.0
     return -cp.sum(x), *rows
@@ -422,7 +410,6 @@ def to_and_fro(n: int, m: int, kind: str) -> cp.Problem:
 
 
 def shortest_path(n: int) -> cp.Problem:
-    """Shortest path through an n x n grid as a flow LP."""
     index = np.arange(n * n).reshape(n, n)
     tails = np.r_[index[:, :-1].ravel(), index[:-1].ravel()]
     heads = np.r_[index[:, 1:].ravel(), index[1:].ravel()]
@@ -437,7 +424,6 @@ def shortest_path(n: int) -> cp.Problem:
 
 
 def feasibility(x: Any, m: int, rng: Rng) -> Terms:
-    """Find any point of a polytope: no objective."""
     n, inside = x.size, rng.standard_normal(x.size)
     A, C = rng.standard_normal((m, n)), rng.standard_normal((n // 5, n))
     return 0, A @ x <= A @ inside + rng.random(m), C @ x == C @ inside
@@ -463,7 +449,6 @@ def infeasible_rows(x: Any, m: int, rng: Rng) -> Terms:
 
 
 def infeasible_equations(x: Any, m: int, rng: Rng) -> Terms:
-    """Dependent equations that contradict each other."""
     A, b = rng.standard_normal((m, x.size)), rng.standard_normal(m)
     A = np.vstack([A, A.sum(axis=0)])
     return square(x), A @ x == np.append(b, b.sum() + 0.1)

@@ -40,7 +40,6 @@ class Class(NamedTuple):
 def normal(
     rng: np.random.Generator, rows: int, columns: int, density: float = DENSITY
 ) -> Any:
-    """Return a sparse matrix with standard normal entries at random places."""
     draw = rng.standard_normal
     shape = rows, columns
     return sp.random_array(
@@ -62,7 +61,6 @@ def definite(rng: np.random.Generator, n: int) -> Any:
 
 
 def random_qp(rng: np.random.Generator, n: int) -> Problem:
-    """Return min 1/2 x'Px + q'x, l <= Cx <= u with 10 n rows, -l and u in [0, 1]."""
     P, q = definite(rng, n), rng.standard_normal(n)
     C = normal(rng, 10 * n, n)
     lower, upper = -rng.random(10 * n), rng.random(10 * n)
@@ -70,7 +68,6 @@ def random_qp(rng: np.random.Generator, n: int) -> Problem:
 
 
 def equality_qp(rng: np.random.Generator, n: int) -> Problem:
-    """Return min 1/2 x'Px + q'x, Ax = b with n / 2 rows."""
     P, q = definite(rng, n), rng.standard_normal(n)
     return posed(P, q, A=normal(rng, n // 2, n), b=rng.standard_normal(n // 2))
 

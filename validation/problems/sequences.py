@@ -218,7 +218,6 @@ def condensed(stages: int, level: str, loop: Loop | None = None) -> Sequence:
 
 def single(build: Callable[..., Sequence], stages: int, state: np.ndarray) -> Problem:
     def loop() -> Loop:
-        """Yield the state; nothing is applied."""
         yield state, np.zeros(STATES)
 
     problem, later = build(stages, LEVELS[0], loop=loop())
@@ -226,9 +225,7 @@ def single(build: Callable[..., Sequence], stages: int, state: np.ndarray) -> Pr
 
 
 def steps(
-    loop: Loop,
-    vectors: Callable[[np.ndarray, np.ndarray], Vectors],
-    inputs_at: slice,
+    loop: Loop, vectors: Callable[[np.ndarray, np.ndarray], Vectors], inputs_at: slice
 ) -> Steps:
     state = next(loop)
     while True:

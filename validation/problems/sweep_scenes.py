@@ -59,7 +59,6 @@ def contact(data: Path, name: str) -> BoxLCP:
 
 
 def random_spd(n: int, condition: float = 100.0) -> BoxLCP:
-    """Return a dense SPD matrix with that condition number, random eigenvectors."""
     return with_contact(draw.definite(np.random.default_rng(0), n, condition))
 
 

@@ -20,7 +20,6 @@ INFINITY = 1e30  # what DAQP and PIQP take for infinity
 
 
 def told(solver: str, eps: float) -> dict[str, Any]:
-    """Return the settings of a solver, without a time limit."""
     settings = qp_solvers.settings(solver, eps, np.inf)
     return {key: value for key, value in settings.items() if "time_limit" not in key}
 

@@ -124,7 +124,6 @@ def read(path: Path) -> Iterator[Row]:
 
 
 def truth_of(case: cases.Case) -> str:
-    """Return what is true of a QP; what was not constructed is asked of HiGHS."""
     if case.truth != "ask":
         return case.truth
     problem = qpsolvers_problem(case)

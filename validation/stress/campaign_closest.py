@@ -91,7 +91,6 @@ def largest_fall(qp: Any, d: np.ndarray) -> float:
 def first_faults(
     qp: Any, norm: int, bounds_stay: bool, found: Any, tolerance: Tolerance
 ) -> str:
-    """Return why the shifts are not the least ones, "" if they are."""
     s, t = found.shift_h, found.shift_b
     low, up = found.shift_lb, found.shift_ub
     if not np.isfinite(np.concatenate((s, t, low, up))).all():
@@ -123,7 +122,6 @@ def first_faults(
 
 
 def least_sum(qp: Any) -> float:
-    """Return the least sum of the moduli of shifts of h and b, by HiGHS."""
     on = np.isfinite(qp.h)
     G, h, A, b = qp.G[on], qp.h[on], qp.A, qp.b
     n, m, p = qp.q.size, h.size, b.size

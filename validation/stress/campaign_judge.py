@@ -52,12 +52,10 @@ class Tolerance(NamedTuple):
 
 
 def largest(*arrays: np.ndarray) -> Any:
-    """Return the largest modulus of an entry, 0 of nothing."""
     return max((np.abs(a).max() for a in arrays if a.size), default=0.0)
 
 
 def excess(*arrays: np.ndarray) -> Any:
-    """Return the largest positive entry, 0 if there is none."""
     return max(0.0, *(a.max() for a in arrays if a.size), 0.0)
 
 

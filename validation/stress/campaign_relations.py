@@ -70,7 +70,6 @@ def agreement(qp: QP, alone: Answer, other: Answer) -> Verdict:
 
 
 def sequence(maker: cases.Maker, d: draw.Draw) -> Verdict:
-    """Solve a QP again and again; dense, or sparse with the pattern of the first."""
     qp, _ = maker(d)
     wrap = sp.csc_array if d.chance(0.4) else np.asarray
     given = {k: wrap(v) if v.ndim == 2 else v for k, v in qp._asdict().items()}

@@ -59,7 +59,6 @@ class Draw:
         return self.rng.exponential(size=n) + 0.01
 
     def matrix(self, rows: int, n: int) -> np.ndarray:
-        """Return a matrix of such numbers with zeros in it."""
         return self.numbers(rows, n) * (self.rng.random((rows, n)) < self.density)
 
     def orthogonal(self, n: int) -> np.ndarray:
@@ -67,7 +66,6 @@ class Draw:
 
 
 def symmetric(M: np.ndarray) -> np.ndarray:
-    """Return M with what rounding left asymmetric taken out."""
     return (M + M.T) / 2.0
 
 

@@ -19,7 +19,6 @@ WIDE = (">f8", np.longdouble)
 
 
 def kept_by(values: np.ndarray, kind: Any) -> bool:
-    """Tell whether a number type holds all the values exactly."""
     with np.errstate(invalid="ignore", over="ignore"):
         return bool(np.array_equal(values.astype(kind).astype(float), values))
 
@@ -39,7 +38,6 @@ def read_only(values: np.ndarray) -> np.ndarray:
 
 
 def other_type(rng: Rng, values: np.ndarray) -> np.ndarray:
-    """Return the values in another number type that holds them."""
     kinds = (*NARROW, *WIDE)
     kind = kinds[int(rng.integers(len(kinds)))]
     return values.astype(kind) if kept_by(values, kind) else values.astype(">f8")
@@ -127,7 +125,6 @@ def vector_form(rng: Rng, values: np.ndarray) -> Any:
 
 # A fault takes the argument as a clean array and returns it spoiled, None if it cannot.
 def with_entry(value: float) -> Callable[[Rng, np.ndarray], Any]:
-    """Return the fault that one entry has this value."""
 
     def fault(rng: Rng, values: np.ndarray) -> Any:
         if not values.size:
@@ -141,7 +138,6 @@ def with_entry(value: float) -> Callable[[Rng, np.ndarray], Any]:
 
 
 def corrupt(rng: Rng, values: np.ndarray) -> Any:
-    """Return a sparse matrix with an index outside."""
     if values.ndim < 2 or not values.any():
         return None
     C = sp.csc_array(values) if rng.random() < 0.5 else sp.csr_array(values)

@@ -41,7 +41,6 @@ def game(draw: Draw) -> Truth:
 
 
 def strictly_copositive(draw: Draw) -> Truth:
-    """Take a nonnegative matrix plus a definite one, and any q."""
     n = order(draw)
     A = np.abs(draw.matrix(n, n)) + 0.1 * definite(draw, n)
     return plain(A, draw.numbers(n)), "solvable"

@@ -78,12 +78,10 @@ def random_side(draw: Draw, A: np.ndarray) -> LCP:
 
 
 def order(draw: Draw) -> int:
-    """Return n >= 1."""
     return draw.size(1, MOST_VARIABLES)
 
 
 def positive_definite(draw: Draw) -> Truth:
-    """Symmetric, of condition 1 to 1e8."""
     n = order(draw)
     A = definite(draw, n)
     if draw.chance(0.5):
@@ -136,7 +134,6 @@ def singular_z(draw: Draw) -> Truth:
 
 
 def other_z(draw: Draw) -> Truth:
-    """Take a Z-matrix that is no P-matrix, with a planted solution."""
     n = order(draw)
     A = -np.abs(draw.matrix(n, n))
     np.fill_diagonal(A, draw.positive(n))
@@ -152,14 +149,12 @@ def quotient(draw: Draw) -> Truth:
 
 
 def triangular(draw: Draw) -> Truth:
-    """Take a triangular P-matrix."""
     n = min(order(draw), 20)
     A = np.tril(draw.matrix(n, n), -1) + np.diag(draw.positive(n) + 0.5)
     return random_side(draw, A if draw.chance(0.5) else A.T.copy()), "solvable"
 
 
 def skew_and_definite(draw: Draw) -> Truth:
-    """K - K' plus a definite part: definite, not symmetric."""
     n = order(draw)
     K = draw.matrix(n, n)
     A = K - K.T + draw.one_of(1.0, 0.1, 0.01) * definite(draw, n)
@@ -167,7 +162,6 @@ def skew_and_definite(draw: Draw) -> Truth:
 
 
 def optimality(draw: Draw) -> Truth:
-    """[P -G'; G 0]: optimality conditions of a QP or LP, with a planted solution."""
     n = max(order(draw) // 2, 1)
     P, G = semidefinite(draw, n), draw.matrix(draw.size(1, n), n)
     A = block_diagonal(P, np.zeros((G.shape[0],) * 2))
@@ -176,14 +170,12 @@ def optimality(draw: Draw) -> Truth:
 
 
 def zero_or_diagonal(draw: Draw) -> Truth:
-    """Take A = 0, or diagonal with zeros, and a planted solution."""
     n = order(draw)
     A = diagonal(draw, n) * draw.one_of(0.0, 1.0)
     return planted(draw, A), "solvable"
 
 
 def tridiagonal(draw: Draw) -> Truth:
-    """Tridiagonal: definite, singular, or not symmetric."""
     n = order(draw)
     side = np.abs(draw.numbers(n))
     other = side if draw.chance(0.6) else np.abs(draw.numbers(n))
@@ -198,13 +190,11 @@ def tridiagonal(draw: Draw) -> Truth:
 
 
 def general(draw: Draw) -> Truth:
-    """Any matrix, with a planted solution."""
     n = order(draw)
     return planted(draw, draw.matrix(n, n)), "possible"
 
 
 def general_box(draw: Draw) -> Truth:
-    """Any matrix in a bounded box: a solution exists."""
     n = order(draw)
     lower = draw.numbers(n)
     upper = lower + draw.positive(n)
@@ -212,7 +202,6 @@ def general_box(draw: Draw) -> Truth:
 
 
 def anything(draw: Draw) -> Truth:
-    """Any matrix, any q."""
     return random_side(draw, draw.matrix(*(order(draw),) * 2)), "near"
 
 
@@ -231,7 +220,6 @@ def scaled_lcp(draw: Draw, decades: float) -> LCP:
 
 
 def scaled(draw: Draw) -> Truth:
-    """Units changed by 1e-4 to 1e4."""
     return scaled_lcp(draw, draw.one_of(2.0, 4.0)), "solvable"
 
 
@@ -243,7 +231,6 @@ def extreme_scales(draw: Draw) -> Truth:
 
 
 def far_scales(draw: Draw) -> Truth:
-    """Units changed so that entries are from 1e-150 to 1e150."""
     lcp = scaled_lcp(draw, draw.one_of(15.0, 35.0))
     c = draw.power(-75, 75)
     lower = np.where(np.abs(lcp.lower) < 1e19, lcp.lower, -INF)
@@ -281,11 +268,9 @@ def unsolvable(draw: Draw) -> Truth:
 
 
 def unsolvable_skew(draw: Draw) -> Truth:
-    """Semidefinite with a skew part, without a solution."""
     return without_solution(draw, True), "unsolvable"
 
 
 def empty(draw: Draw) -> Truth:
-    """Take n = 0 or 1."""
     n = int(draw.rng.integers(0, 2))
     return random_side(draw, np.full((n, n), float(draw.positive(1)[0]))), "solvable"

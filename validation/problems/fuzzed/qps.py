@@ -78,7 +78,6 @@ def ordinary(draw: Draw, P: np.ndarray, m: int, p: int) -> Truth:
 def with_cost(
     name: str, cost: Cost, truth: str = "solvable"
 ) -> Callable[[Draw], Truth]:
-    """Return the class of QPs of any size with such a P."""
 
     def made(draw: Draw) -> Truth:
         n, m, p = draw.sizes()
@@ -98,7 +97,6 @@ not_convex = with_cost("not_convex", indefinite, "not convex")
 
 
 def bounds_alone(draw: Draw) -> Truth:
-    """No rows, all variables bounded."""
     n = draw.size(1, MOST_VARIABLES)
     P = any_cost(draw, n)
     none = np.zeros((0, n))
@@ -133,7 +131,6 @@ def dependent_rows(
 
 
 def redundant(draw: Draw) -> Truth:
-    """Rows that repeat others, or are sums of them."""
     n, m, p = draw.sizes()
     P = any_cost(draw, n)
     G, A = dependent_rows(draw, draw.matrix(m, n), draw.matrix(p, n))
@@ -161,7 +158,6 @@ def modelled(draw: Draw) -> Truth:
 
 
 def large_sparse(draw: Draw) -> Truth:
-    """Near 60 variables and 120 rows, few entries."""
     draw.density = 0.08
     n = int(draw.rng.integers(50, MOST_VARIABLES + 1))
     m = int(draw.rng.integers(100, MOST_ROWS + 1))
@@ -200,17 +196,14 @@ def rescaled(draw: Draw, decades: float) -> QP:
 
 
 def scaled(draw: Draw) -> Truth:
-    """Units changed by 1e-4 to 1e4."""
     return rescaled(draw, draw.one_of(1.0, 2.0, 4.0)), "solvable"
 
 
 def extreme_scales(draw: Draw) -> Truth:
-    """Units changed by 1e-8 to 1e8."""
     return rescaled(draw, draw.one_of(6.0, 8.0)), "possible"
 
 
 def far_scales(draw: Draw) -> Truth:
-    """Units changed so that entries are from 1e-150 to 1e150."""
     e = draw.one_of(15.0, 40.0, 75.0)
     P, q, G, h, A, b, lb, ub = any_solvable(draw)[0]
     c, r, s, cost = (draw.power(-e, e, k) for k in (q.size, h.size, b.size, 1))
@@ -271,7 +264,6 @@ def empty(draw: Draw) -> Truth:
 
 
 def more_rows(qp: QP, G: np.ndarray, h: np.ndarray) -> QP:
-    """Return the QP with these inequalities before its own."""
     return qp._replace(G=np.vstack((G, qp.G)), h=np.append(h, qp.h))
 
 
@@ -354,7 +346,6 @@ def descending(draw: Draw) -> tuple[QP, np.ndarray, np.ndarray]:
 
 
 def unbounded(draw: Draw) -> Truth:
-    """Feasible, and the objective falls for ever."""
     return descending(draw)[0], "unbounded"
 
 
@@ -373,7 +364,6 @@ def both(draw: Draw) -> Truth:
 
 
 def wild(draw: Draw) -> Truth:
-    """Everything random, nothing planted."""
     n, m, p = draw.sizes()
     p = min(p, int(draw.rng.integers(0, n)) if n > 1 else 0)
     lb = np.where(draw.some(n, 0.5), draw.numbers(n) - 2.0, -INF)

@@ -27,31 +27,26 @@ Problem = tuple[Any, np.ndarray]
 
 
 def planted(rng: np.random.Generator, A: np.ndarray) -> Problem:
-    """Return A and q around a random complementary pair."""
     z, w = draw.pair(rng, len(A))
     return A, w - A @ z
 
 
 def nonnegative(rng: np.random.Generator, n: int) -> np.ndarray:
-    """Return a nonnegative matrix, three entries of ten not 0."""
     return rng.exponential(size=(n, n)) * (rng.random((n, n)) < 0.3)
 
 
 def semidefinite(rng: np.random.Generator, n: int) -> np.ndarray:
-    """Return F F' of a quarter of full rank."""
     F = rng.standard_normal((n, max(1, n // 4)))
     return F @ F.T / n
 
 
 def copositive(n: int, seed: int) -> Problem:
-    """Return a strictly copositive matrix and any q."""
     rng = np.random.default_rng([n, seed])
     A = nonnegative(rng, n) + semidefinite(rng, n) + 0.01 * np.eye(n)
     return A, rng.standard_normal(n)
 
 
 def singular_copositive(n: int, seed: int) -> Problem:
-    """Return a copositive matrix that is 0 in some directions, and q > 0 in these."""
     rng = np.random.default_rng([n, seed])
     A, q = nonnegative(rng, n), rng.standard_normal(n)
     zero = rng.random(n) < 0.5
@@ -62,7 +57,6 @@ def singular_copositive(n: int, seed: int) -> Problem:
 
 
 def copositive_plus(n: int, seed: int) -> Problem:
-    """Return a copositive-plus matrix and a q with a solution."""
     rng = np.random.default_rng([n, seed])
     k = n // 2
     K = rng.standard_normal((k, k))
@@ -72,22 +66,17 @@ def copositive_plus(n: int, seed: int) -> Problem:
 
 
 def p0(n: int, seed: int) -> Problem:
-    """Return D K, D > 0 diagonal and K skew-symmetric, and a q with a solution."""
     rng = np.random.default_rng([n, seed])
     K = rng.standard_normal((n, n))
     return planted(rng, rng.exponential(size=(n, 1)) * (K - K.T))
 
 
 def game(n: int, seed: int) -> Problem:
-    """Return a game of n strategies in all; every other one has whole payoffs."""
     rows = max(1, (3 * n) // 7)
     return games.lcp(*games.payoffs(rows, n - rows, seed, whole=bool(seed % 2)))
 
 
-def friction(
-    build: Callable[..., Scene],
-) -> Callable[..., Problem]:
-    """Return a family of scenes, made by (size, mu, mass ratio, seed)."""
+def friction(build: Callable[..., Scene]) -> Callable[..., Problem]:
 
     def family(n: int, seed: int, ratio: float = 2.0) -> Problem:
         size, mu = 2, MU[seed % len(MU)]

@@ -23,7 +23,6 @@ Touch = tuple[int, int, Sequence[float], Sequence[float]]
 def scene_of(
     bodies: Bodies, touches: Iterator[Touch], mu: float, directions: int = 2
 ) -> Scene:
-    """Return the scene of bodies and the contacts between them, without gaps."""
     first, second, point, normal = zip(*touches, strict=True)
     contacts = Contacts(
         np.array(first),
