@@ -1,4 +1,4 @@
-"""Run a script: `python -m validation ROOM.SCRIPT [SUITE] [run|table|plot] ...`.
+"""Run a script: `python -m validation ROOM.SCRIPT [SUITE] [run|plot] ...`.
 
 SUITE names one of several suites of a script; --help says what a script does, and
 `report.JOBS` which of them makes which file.

@@ -2,7 +2,6 @@
 
 import contextlib
 import csv
-import os
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,29 +11,21 @@ Row = dict[str, Any]
 
 @contextlib.contextmanager
 def writer(
-    path: Path | None, header: list[str], columns: Sequence[str], append: bool = False
+    path: Path, header: list[str], columns: Sequence[str], append: bool = False
 ) -> Iterator[Callable[[Row], None]]:
     """Yield a function that writes a row at once, below the lines of the header.
 
-    Without a path nothing is written; entries of other columns are left out;
-    append=True goes on with a file that is there.
+    Entries of other columns are left out; append=True goes on with what is there.
     """
-    if path is not None:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    goes_on = append and path is not None and path.exists()
-    with open(path or os.devnull, "a" if goes_on else "w", newline="") as file:
-        writer = csv.DictWriter(
-            file, columns, restval="", extrasaction="ignore", lineterminator="\n"
-        )
+    path.parent.mkdir(parents=True, exist_ok=True)
+    goes_on = append and path.exists()
+    with path.open("a" if goes_on else "w", buffering=1, newline="") as file:
+        form: Any = {"extrasaction": "ignore", "lineterminator": "\n"}
+        writer = csv.DictWriter(file, columns, restval="", **form)
         if not goes_on:
             file.writelines(f"# {line}\n" for line in header)
             writer.writeheader()
-
-        def write(row: Row) -> None:
-            writer.writerow(row)
-            file.flush()
-
-        yield write
+        yield writer.writerow
 
 
 class Growing:
@@ -62,14 +53,14 @@ class Growing:
 
 @contextlib.contextmanager
 def growing(
-    path: Path | None,
+    path: Path,
     header: list[str],
     columns: Sequence[str],
     keys: Sequence[str],
     goes_on: bool = True,
 ) -> Iterator[Growing]:
     """Yield the file with the rows that it has; goes_on=False begins it anew."""
-    rows = read(path) if path is not None and goes_on else []
+    rows = read(path) if goes_on else []
     with writer(path, header, columns, append=goes_on) as write:
         yield Growing(rows, keys, write)
 

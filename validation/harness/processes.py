@@ -6,7 +6,7 @@ import resource
 import warnings
 from collections.abc import Callable
 from multiprocessing.connection import Connection
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 
 from validation.harness.csv_files import Row
 from validation.harness.quiet import wait_until_quiet
@@ -67,14 +67,6 @@ class Bench:
     def __init__(self, work: Work, solver: str, limit: float, data: Any = None) -> None:
         self.work, self.solver, self.limit, self.data = work, solver, limit, data
         self.start()
-
-    def __enter__(self) -> Self:
-        """Hold the child process open."""
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """End it."""
-        self.stop()
 
     def start(self) -> None:
         context = mp.get_context("spawn")

@@ -24,7 +24,6 @@ from validation.harness.processes import LATE, OURS, Bench, Work
 
 PEER_TIMES, PEER_LEAST = 10.0, 1.0  # times of namlcp's, [s]: see `limit_beside`
 SHOWN = 12  # columns that are printed
-GROUPS = ("set", "family", "limit", "eps")  # columns by which a table is parted
 Args = argparse.Namespace
 
 
@@ -103,29 +102,15 @@ class Suite:
 
     def main(self, arguments: list[str] | None = None) -> int:
         args = self.parsed(arguments)
-        code = self.run(args) if args.task == "run" else 0
         if args.task == "plot" and self.plot is not None:
             self.plot(args.csv, args.figures)
             return 0
-        rows = csv_files.read(args.csv)
-        print("\n" + self.table(rows))
-        return code
-
-    def table(self, rows: list[Row]) -> str:
-        if not rows or not {"solver", "success", "runtime"} <= rows[0].keys():
-            return f"{len(rows)} rows"
-        parts = [name for name in GROUPS if name in rows[0]]
-        about = [key for key in self.keys if key not in ("solver", *parts)]
-        lines = []
-        for names in {tuple(row[part] for part in parts): None for row in rows}:
-            own = tables.chosen(rows, **dict(zip(parts, names, strict=True)))
-            lines += [(*names, *cells) for cells in tables.compared(own, *about)]
-        return tables.markdown((*parts, *tables.COMPARED), lines)
+        return self.run(args)
 
     def parsed(self, arguments: list[str] | None) -> Args:
         doc = sys.modules[self.requests.__module__].__doc__
         parser = cli.parser(doc, "quick", "go-on", "csv", "figures")
-        tasks = ["run", "table", *["plot"] * bool(self.plot)]
+        tasks = ["run", *["plot"] * bool(self.plot)]
         parser.add_argument("task", nargs="?", choices=tasks, default="run")
         parser.add_argument("--data", type=Path, help="the data folder")
         parser.add_argument("--solvers", nargs="+", choices=self.solvers)

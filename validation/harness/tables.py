@@ -1,11 +1,9 @@
 """Rows as tables."""
 
-import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from typing import Any
 
-from validation.harness import timing
-from validation.harness.csv_files import Row, number
+from validation.harness.csv_files import Row
 
 
 def distinct(rows: Iterable[Row], *keys: str) -> list[Any]:
@@ -29,31 +27,6 @@ def markdown(columns: Iterable[Any], lines: Iterable[Iterable[Any]]) -> str:
 def short(value: float) -> str:
     """Return a number with three digits, without an exponent where it is large."""
     return f"{value:.0f}" if value >= 999.5 else f"{value:.3g}"
-
-
-COMPARED = ("solver", "solved", "time [ms]", "nam/solver (both solve)")
-"""The columns of what `compared` yields."""
-
-
-def compared(rows: list[Row], *about: str) -> Iterator[tuple[str, ...]]:
-    """Yield a line for each solver: what it solves, its time, ours over it.
-
-    Rows have the columns `about` a problem, "solver", "success" and "runtime" [s];
-    times are geometric means of those that were taken.
-    """
-    times: dict[str, dict[Any, float]] = {s: {} for s in distinct(rows, "solver")}
-    for row in rows:
-        if str(row["success"]) == "True":
-            problem = tuple(row[name] for name in about)
-            times[row["solver"]][problem] = number(row["runtime"])
-    total, base = len({tuple(r[k] for k in about) for r in rows}), times.get("nam", {})
-    for solver, own in times.items():
-        known = {name: time for name, time in own.items() if not math.isnan(time)}
-        mean = 1e3 * timing.geometric_mean(list(known.values()))
-        ratios = [base[name] / known[name] for name in known if name in base]
-        over = f"{timing.geometric_mean(ratios):.2f} ({len(ratios)})"
-        ratio = over if ratios and solver != "nam" else ""
-        yield solver, f"{len(own)}/{total}", short(mean), ratio
 
 
 def print_row(row: Row, columns: str) -> None:

@@ -23,6 +23,7 @@ import itertools
 import os
 import time
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -204,7 +205,9 @@ def run(args: argparse.Namespace) -> int:
 
 def run_part(part: Part, tally: Tally, args: argparse.Namespace) -> None:
     suited = cases.DEFINITE if part.solver == "quadprog" else cases.CONVEX
-    with Bench(work, part.solver, args.limit, part) as child:
+    with ExitStack() as stack:
+        child = Bench(work, part.solver, args.limit, part)
+        stack.callback(child.stop)
         began = time.perf_counter()
         for i in range(tally.done[part], args.problems):
             if part.solver == "nam" or cases.kind_of(i, part.set) in suited:
