@@ -7,7 +7,7 @@ from scipy.optimize import linprog
 
 from namlcp import Status, solve_lcp, solve_qp
 from validation.harness import qps
-from validation.problems.fuzzed import cases, general_lcps
+from validation.problems.fuzzed import cases, lcps
 from validation.problems.fuzzed.draw import Draw
 from validation.problems.osqp_classes import CLASSES, ENTRIES, entries
 from validation.problems.osqp_classes import generate as osqp_class
@@ -51,12 +51,12 @@ def test_every_workspace_goes_along(scene, solver):
 @pytest.mark.parametrize("seed", range(5))
 def test_general_lcps_are_what_they_are_called(seed):
     """HiGHS finds no z >= 0 with A z + q >= 0 of the unsolvable ones."""
-    lcp, truth = general_lcps.unsolvable_general(Draw(np.random.default_rng(seed)))
+    lcp, truth = lcps.unsolvable_general(Draw(np.random.default_rng(seed)))
     assert truth == "unsolvable"
     infeasible = 2
     found = linprog(np.zeros(lcp.q.size), A_ub=-lcp.A, b_ub=lcp.q)
     assert found.status == infeasible
-    for kind in general_lcps.friction, general_lcps.strictly_copositive:
+    for kind in lcps.friction, lcps.strictly_copositive:
         lcp, truth = kind(Draw(np.random.default_rng(seed)))
         answer = answers.lcp_answer(solve_lcp(*lcp))
         assert judge_lcp(lcp, truth, answer, 1e-9) == ("right", "")

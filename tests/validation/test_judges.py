@@ -15,7 +15,7 @@ from validation.oracles import agreement
 from validation.oracles.scenes import Scene, at_bounds
 from validation.oracles.solvers import Answer as Found
 from validation.oracles.solvers import nam
-from validation.peers import references
+from validation.peers import work_precision
 from validation.problems import known_scenes
 from validation.stress import campaign
 from validation.stress.campaign_answers import NAM, Answer, qp_answer
@@ -135,12 +135,12 @@ def test_a_reference_is_the_solution_or_none():
     found = solve_qp(*problem.unpack())
     solution = qpsolvers.Solution(problem, found=True, x=found.x + 1e-6)
     solution.y, solution.z, solution.z_box = found.y, found.z, found.z_box
-    exact = references.reference(problem, solution)
+    exact = work_precision.reference(problem, solution)
     np.testing.assert_allclose(exact, [0.3, 0.7], rtol=1e-15)
     solution.x, solution.z = np.full(2, 0.5), np.zeros(4)
-    assert references.reference(problem, solution) is None  # no inequality proposed
+    assert work_precision.reference(problem, solution) is None  # no inequality proposed
     singular = qpsolvers.Problem(np.diag([1.0, 0.0]), q, G, h)
-    assert references.reference(singular, solution) is None
+    assert work_precision.reference(singular, solution) is None
 
 
 def test_conditions_see_a_point_that_is_not_the_closest():

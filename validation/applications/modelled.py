@@ -22,7 +22,6 @@ multipliers that the solver's interface hands back:
 
 import time
 from collections.abc import Callable, Iterator
-from functools import cache
 from typing import Any
 
 import cvxpy as cp
@@ -104,17 +103,11 @@ def judge(problem: Any, chain: Any, raw: Any, data: Any, inverse: Any) -> Row:
     return row
 
 
-@cache
-def registered() -> dict[str, models.Model]:
-    """Return all models by name; CVXPY learns of NAM."""
-    import namlcp.cvxpy
-
-    namlcp.cvxpy.register()
-    return models.MODELS
-
-
 def work(job: Job, size: str, name: str) -> Row:
-    model = registered()[name]
+    from namlcp.cvxpy import register
+
+    register()
+    model = models.MODELS[name]
     keyword, options = SOLVERS[job.solver]
     if size == "large":  # load what is compiled on first use
         try:

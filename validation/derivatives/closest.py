@@ -171,7 +171,8 @@ def proxqp_row(problem: Problem, least: float) -> Row:
     return {"proxqp": spent, "excess": float(norm) / least - 1.0, "said": said}
 
 
-def row_of(name: str, group: str, problem: Problem) -> Row:
+def work(job: Job, name: str, group: str, problem: Problem) -> Row:
+    job.ready()
     arrays = qps.by_name(problem)
     choice: dict[str, Any] = {"infeasible": "closest", "time_limit": LIMIT}
     found = namlcp.solve_qp(**arrays, **choice).closest
@@ -198,11 +199,6 @@ def row_of(name: str, group: str, problem: Problem) -> Row:
         if importlib.util.find_spec("proxsuite"):
             row |= proxqp_row(problem, shifted_norm(soft))
     return row
-
-
-def work(job: Job, name: str, group: str, problem: Problem) -> Row:
-    job.ready()
-    return row_of(name, group, problem)
 
 
 def requests(args: Args) -> Iterator[Row]:

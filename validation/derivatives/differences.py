@@ -19,6 +19,7 @@ over 1 + its largest entry; `right` counts those below 1e-4.
 """
 
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -167,28 +168,27 @@ def one_sided_error(
     return float(error)
 
 
-def kink_error(qp: QP, names: str, seed: int) -> float:
+def kink_error(make: Callable[[int], QP], names: str, seed: int) -> tuple[float, float]:
+    qp = make(seed)
     d = cases.direction(qp, seed, names)
     given = QP(*(sp.csc_array(v) if v.ndim == 2 else v for v in qp)) if seed % 2 else qp
     result = namlcp.solve_qp(*given, **EXACT)
     found = result.directional(**{f"d{name}": change for name, change in d.items()})
-    return one_sided_error(
-        found.x, lambda t: namlcp.solve_qp(*cases.moved(qp, d, t), **EXACT).x
-    )
+    moved = lambda t: namlcp.solve_qp(*cases.moved(qp, d, t), **EXACT)  # noqa: E731
+    return one_sided_error(found.x, lambda t: moved(t).x), 0.0
 
 
-def lcp_kink_error(seed: int) -> float:
+def lcp_kink_error(seed: int) -> tuple[float, float]:
     A, q = cases.weak_lcp(seed)
     rng = np.random.default_rng([seed, 4])
     dA, dq = rng.standard_normal(A.shape), rng.standard_normal(q.size)
     result = namlcp.solve_lcp(A, q, eps_abs=1e-13)
     found = result.directional(dA=dA, dq=dq)
-    return one_sided_error(
-        found.z, lambda t: namlcp.solve_lcp(A + t * dA, q + t * dq, eps_abs=1e-13).z
-    )
+    moved = lambda t: namlcp.solve_lcp(A + t * dA, q + t * dq, eps_abs=1e-13)  # noqa: E731
+    return one_sided_error(found.z, lambda t: moved(t).z), 0.0
 
 
-def closest_error(seed: int) -> float:
+def closest_error(seed: int) -> tuple[float, float]:
     rng = np.random.default_rng([seed, 5])
     data = cases.contradictory(seed, *CLOSEST_KINDS[seed % len(CLOSEST_KINDS)])
 
@@ -210,25 +210,19 @@ def closest_error(seed: int) -> float:
         for t in (2 * CLOSEST_STEP, CLOSEST_STEP)
     )
     expected = (4 * fine - coarse) / 3
-    return abs(sum(paired(gradients, d)) - expected) / (1.0 + abs(expected))
-
-
-def of_kinks(
-    make: Callable[[int], QP], names: str
-) -> Callable[[int], tuple[float, float]]:
-    return lambda seed: (kink_error(make(seed), names, seed), 0.0)
+    return abs(sum(paired(gradients, d)) - expected) / (1.0 + abs(expected)), 0.0
 
 
 FAMILIES: dict[tuple[str, str], tuple[Callable[[int], tuple[float, float]], float]] = {
     ("QP", "all"): (regular_qp, 1e-7),
     ("LCP", "all"): (regular_lcp, 1e-7),
     **{
-        (make.__name__, names): (of_kinks(make, names), RIGHT)
+        (make.__name__, names): (partial(kink_error, make, names), RIGHT)
         for make, every in cases.KINKS.items()
         for names in every
     },
-    ("weak_lcp", "A, q"): (lambda seed: (lcp_kink_error(seed), 0.0), RIGHT),
-    ("closest", "all"): (lambda seed: (closest_error(seed), 0.0), 1e-7),
+    ("weak_lcp", "A, q"): (lcp_kink_error, RIGHT),
+    ("closest", "all"): (closest_error, 1e-7),
 }
 """By family and the data that are changed: error and gap of the adjoint of a problem,
 and the error that is right."""

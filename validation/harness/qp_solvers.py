@@ -20,6 +20,7 @@ def settings(solver: str, eps: float, limit: float) -> dict[str, Any]:
     time [s], for the solvers that know one.
     """
     both = {"eps_abs": eps, "eps_rel": 0.0}
+    tol = {"tol_feas": eps, "tol_gap_abs": eps, "tol_gap_rel": 0.0}
     gap = {"eps_duality_gap_abs": eps, "eps_duality_gap_rel": 0.0}
     gap["check_duality_gap"] = True
     known: dict[str, dict[str, Any]] = {
@@ -28,13 +29,7 @@ def settings(solver: str, eps: float, limit: float) -> dict[str, Any]:
         "piqp": both | gap | {"max_iter": 100_000},
         "daqp": {"primal_tol": eps, "dual_tol": eps},
         "proxqp": both | gap,
-        "clarabel": {
-            "tol_feas": eps,
-            "tol_gap_abs": eps,
-            "tol_gap_rel": 0.0,
-            "max_threads": 1,
-            "time_limit": limit,
-        },
+        "clarabel": tol | {"max_threads": 1, "time_limit": limit},
         "osqp": both
         | {
             "check_dualgap": True,
@@ -46,7 +41,7 @@ def settings(solver: str, eps: float, limit: float) -> dict[str, Any]:
             "time_limit": limit,
         },
         "quadprog": {},
-        "qtqp": {"tol_feas": eps, "tol_gap_abs": eps, "tol_gap_rel": 0.0},
+        "qtqp": tol,
     }
     return known[solver]
 

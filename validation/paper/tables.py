@@ -72,20 +72,12 @@ def table_rows() -> Iterator[Row]:
             ask = partial(solve, scene, m, method, 100, **given)
             result, _, seconds = timing.median_time(ask)
             close = f"{result.residual:.1e}" == f"{digits / 1e7:.1e}"
-            yield {
-                "example": example,
-                "method": method,
-                "alpha": alpha or 1.0,
-                "n": m * m,
-                "iterations": result.iterations,
-                "residual": result.residual,
-                "time": seconds,
-                "printed_iterations": count,
-                "printed_residual": digits / 1e7,
-                "printed_time": cpu,
-                "count_agrees": result.iterations == count,
-                "residual_agrees": close,
-            }
+            row: Row = {"example": example, "method": method, "alpha": alpha or 1.0}
+            row |= {"n": m * m, "iterations": result.iterations}
+            row |= {"residual": result.residual, "time": seconds}
+            row |= {"printed_iterations": count, "printed_residual": digits / 1e7}
+            row |= {"printed_time": cpu, "count_agrees": result.iterations == count}
+            yield row | {"residual_agrees": close}
 
 
 def large_rows() -> Iterator[Row]:

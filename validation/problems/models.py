@@ -15,6 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 
 Rng = np.random.Generator
+square = cp.sum_squares
 Terms = tuple[Any, ...]
 """The cost, and constraints."""
 Data = tuple[Any, np.ndarray]
@@ -38,8 +39,8 @@ def least(cost: Any, *constraints: Any) -> cp.Problem:
     return cp.Problem(cp.Minimize(cost), list(constraints))
 
 
-def square(r: Any) -> Any:
-    return cp.sum_squares(r)
+def posed(terms: Any) -> cp.Problem:
+    return least(*terms) if isinstance(terms, tuple) else least(terms)
 
 
 # ---- fits: data, and what is made of them
@@ -94,27 +95,28 @@ def collinear(m: int, n: int) -> Data:
     return np.hstack((X, X, np.ones((m, 1)))), y
 
 
-def l1(w: Any, X: np.ndarray, y: np.ndarray, fraction: float) -> Any:
-    return fraction * 2.0 * np.abs(X.T @ y).max() * cp.norm1(w)
+def l1(w: Any, X: np.ndarray, y: np.ndarray) -> Any:
+    """Return an l1 penalty times that from which on w = 0."""
+    return 2.0 * np.abs(X.T @ y).max() * cp.norm1(w)
 
 
 def hinge(w: Any, X: np.ndarray, labels: np.ndarray) -> Any:
     return cp.sum(cp.pos(1 - cp.multiply(labels, X @ w + cp.Variable())))
 
 
-def lasso(w: Any, X: Any, y: np.ndarray, fraction: float) -> Terms:
-    return (square(X @ w - y) + l1(w, X, y, fraction),)
+def lasso(fraction: float) -> Callable[..., Any]:
+    return lambda w, X, y: square(X @ w - y) + fraction * l1(w, X, y)
 
 
-def plain(w: Any, X: Any, y: np.ndarray) -> Terms:
-    return (square(X @ w - y),)
+def plain(w: Any, X: Any, y: np.ndarray) -> Any:
+    return square(X @ w - y)
 
 
 def nonnegative(w: Any, X: Any, y: np.ndarray) -> Terms:
     return square(X @ w - y), w >= 0
 
 
-Fit = tuple[Callable[..., Terms], Callable[[int, int], Data], tuple[int, ...], Any]
+Fit = tuple[Callable[..., Any], Callable[[int, int], Data], tuple[int, ...], Any]
 FITS: dict[str, Fit] = {
     "least_squares": (plain, regression, (30, 10), (2000, 300)),
     "least_squares_sparse": (plain, local, (60, 30), (20_000, 10_000)),
@@ -124,11 +126,10 @@ FITS: dict[str, Fit] = {
         lambda w, X, y: (
             square(X @ w - y),
             np.random.default_rng(1).standard_normal((w.size // 5, w.size)) @ w == 1,
-        ),
-        regression, (30, 20), (1000, 500),
+        ), regression, (30, 20), (1000, 500),
     ),
     "ridge": (
-        lambda w, X, y: (square(X @ w - y) + 0.5 * square(w),),
+        lambda w, X, y: square(X @ w - y) + 0.5 * square(w),
         regression, (20, 40), (400, 1500),
     ),
     "ridge_faint": (
@@ -141,52 +142,43 @@ FITS: dict[str, Fit] = {
         lambda w, X, y: (square(X @ w - y), w >= -0.5, w <= 0.5),
         regression, (30, 20), (1000, 400),
     ),
-    "lasso_strong": (partial(lasso, fraction=0.3), regression, (30, 60), (200, 2000)),
-    "lasso_weak": (partial(lasso, fraction=0.003), regression, (30, 60), (200, 2000)),
-    "lasso_tall": (partial(lasso, fraction=0.05), regression, (60, 30), (1000, 200)),
-    "lasso_collinear": (
-        partial(lasso, fraction=0.05), collinear, (40, 15), (300, 150),
-    ),
+    "lasso_strong": (lasso(0.3), regression, (30, 60), (200, 2000)),
+    "lasso_weak": (lasso(0.003), regression, (30, 60), (200, 2000)),
+    "lasso_tall": (lasso(0.05), regression, (60, 30), (1000, 200)),
+    "lasso_collinear": (lasso(0.05), collinear, (40, 15), (300, 150)),
     "elastic_net": (
-        lambda w, X, y: (
-            square(X @ w - y) / 2 + l1(w, X, y, 0.05)
-            + 0.05 * np.abs(X.T @ y).max() * square(w),
-        ),
+        lambda w, X, y: square(X @ w - y) / 2 + 0.05 * l1(w, X, y)
+        + 0.05 * np.abs(X.T @ y).max() * square(w),
         regression, (30, 60), (200, 1000),
     ),
     "huber": (
-        lambda w, X, y: (cp.sum(cp.huber(X @ w - y, 1.0)),),
+        lambda w, X, y: cp.sum(cp.huber(X @ w - y, 1.0)),
         outliers, (50, 10), (3000, 100),
     ),
     "absolute_regression": (
-        lambda w, X, y: (cp.norm1(X @ w - y),), outliers, (50, 8), (3000, 50),
+        lambda w, X, y: cp.norm1(X @ w - y), outliers, (50, 8), (3000, 50),
     ),
     "chebyshev_regression": (
-        lambda w, X, y: (cp.norm_inf(X @ w - y),), regression, (50, 8), (2000, 50),
+        lambda w, X, y: cp.norm_inf(X @ w - y), regression, (50, 8), (2000, 50),
     ),
     "quantile_regression": (
-        lambda w, X, y: (cp.sum(0.9 * cp.pos(y - X @ w) + 0.1 * cp.neg(y - X @ w)),),
+        lambda w, X, y: cp.sum(0.9 * cp.pos(y - X @ w) + 0.1 * cp.neg(y - X @ w)),
         outliers, (50, 8), (3000, 50),
     ),
     "dead_zone_regression": (
-        lambda w, X, y: (
-            0.5 * square(w)
-            + 2.0 * cp.sum(cp.pos(cp.abs(X @ w + cp.Variable() - y) - 0.3)),
-        ),
+        lambda w, X, y: 0.5 * square(w)
+        + 2.0 * cp.sum(cp.pos(cp.abs(X @ w + cp.Variable() - y) - 0.3)),
         regression, (40, 8), (2000, 100),
     ),
     "svm_primal": (
-        lambda w, X, y: (0.5 * square(w) + hinge(w, X, y),),
-        classes, (60, 5), (3000, 100),
+        lambda w, X, y: 0.5 * square(w) + hinge(w, X, y), classes, (60, 5), (3000, 100),
     ),
     "svm_l1": (
-        lambda w, X, y: (cp.norm1(w) + hinge(w, X, y),), classes, (60, 10), (1000, 200),
+        lambda w, X, y: cp.norm1(w) + hinge(w, X, y), classes, (60, 10), (1000, 200),
     ),
     "fused_lasso": (
-        lambda w, X, y: (
-            0.5 * square(X @ w - y) + 2.0 * cp.norm1(w) + 3.0 * cp.norm1(cp.diff(w)),
-        ),
-        regression, (40, 30), (500, 300),
+        lambda w, X, y: 0.5 * square(X @ w - y) + 2.0 * cp.norm1(w)
+        + 3.0 * cp.norm1(cp.diff(w)), regression, (40, 30), (500, 300),
     ),
     "basis_pursuit": (
         lambda w, X, y: (cp.norm1(w), X @ w == y),
@@ -198,7 +190,7 @@ FITS: dict[str, Fit] = {
 
 def fit(terms: Callable[..., Terms], data: Any, m: int, n: int) -> cp.Problem:
     X, y = data(m, n)
-    return least(*terms(cp.Variable(X.shape[1]), X, y))
+    return posed(terms(cp.Variable(X.shape[1]), X, y))
 
 
 # ---- portfolios
@@ -439,11 +431,8 @@ def infinite_sides(x: Any, m: int, rng: Rng) -> Terms:
 
 def infeasible_rows(x: Any, m: int, rng: Rng) -> Terms:
     """Pose rows of which a positive combination says 0 <= -0.01."""
-    A, b, proof = (
-        rng.standard_normal((m, x.size)),
-        rng.standard_normal(m),
-        rng.random(m),
-    )
+    A, b = rng.standard_normal((m, x.size)), rng.standard_normal(m)
+    proof = rng.random(m)
     A[-1], b[-1] = -proof[:-1] @ A[:-1], -proof[:-1] @ b[:-1] - 0.01
     return cp.norm1(x), A @ x <= b
 
@@ -490,15 +479,13 @@ OTHERS: dict[str, tuple[Any, ...]] = {
     "svm_dual": (svm_dual, (60, 5), (2000, 50)),
     "svm_kernel": (svm_kernel, (40, 4), (800, 4)),
     "total_variation": (
-        lambda x, m, rng: (
-            0.5 * square(x - steps(x.size, rng)) + 0.5 * cp.norm1(cp.diff(x)),
-        ),
+        lambda x, m, rng:
+        0.5 * square(x - steps(x.size, rng)) + 0.5 * cp.norm1(cp.diff(x)),
         (100,), (5000,),
     ),
     "trend_filter": (  # l1 norm of second differences
-        lambda x, m, rng: (
-            0.5 * square(x - steps(x.size, rng)) + 5.0 * cp.norm1(cp.diff(x, 2)),
-        ),
+        lambda x, m, rng:
+        0.5 * square(x - steps(x.size, rng)) + 5.0 * cp.norm1(cp.diff(x, 2)),
         (100,), (3000,),
     ),
     "isotonic": (
@@ -577,41 +564,26 @@ OTHERS: dict[str, tuple[Any, ...]] = {
 """Terms, small and large n, with m where it counts, and what is expected."""
 
 
-def other(terms: Callable[..., Terms], n: int, m: int = 0) -> cp.Problem:
-    return least(*terms(cp.Variable(n), m, np.random.default_rng(n)))
+def other(terms: Callable[..., Any], n: int, m: int = 0) -> cp.Problem:
+    return posed(terms(cp.Variable(n), m, np.random.default_rng(n)))
 
 
-def expected(name: str) -> str:
-    return "infeasible" if name.startswith("infeasible") else "optimal"
-
-
-MODELS: dict[str, Model] = {
-    **{
-        name: Model(partial(fit, terms, data), *sizes)
-        for name, (terms, data, *sizes) in FITS.items()
-    },
-    **{
-        name: Model(partial(portfolio, terms), (20,), (500,), expected(name))
-        for name, terms in PORTFOLIOS.items()
-    },
-    **{
-        name: Model(
-            partial(control, terms, scale=scale), (4, 2, length), (12, 4, 100),
-            expected(name),
-        )
-        for name, (terms, scale, length) in CONTROLS.items()
-    },
-    **{
-        name: Model(partial(other, terms), *rest)
-        for name, (terms, *rest) in OTHERS.items()
-    },
-    **{
-        kind: Model(partial(to_and_fro, kind=kind), *sizes)
-        for kind, *sizes in (
-            ("birkhoff", (6, 6), (60, 60)), ("assignment", (6, 6), (60, 60)),
-            ("transport", (5, 7), (60, 80)),
-        )
-    },
+MODELS: dict[str, Model] = {}
+for name, (terms, data, *sizes) in FITS.items():
+    MODELS[name] = Model(partial(fit, terms, data), *sizes)
+for name, terms in PORTFOLIOS.items():
+    MODELS[name] = Model(partial(portfolio, terms), (20,), (500,))
+for name, (terms, scale, length) in CONTROLS.items():
+    make = partial(control, terms, scale=scale)
+    MODELS[name] = Model(make, (4, 2, length), (12, 4, 100))
+for name in ("infeasible_portfolio", "infeasible_control"):
+    MODELS[name] = MODELS[name]._replace(expected="infeasible")
+for name, (terms, *rest) in OTHERS.items():
+    MODELS[name] = Model(partial(other, terms), *rest)
+MODELS |= {
+    "birkhoff": Model(partial(to_and_fro, kind="birkhoff"), (6, 6), (60, 60)),
+    "assignment": Model(partial(to_and_fro, kind="assignment"), (6, 6), (60, 60)),
+    "transport": Model(partial(to_and_fro, kind="transport"), (5, 7), (60, 80)),
     "factor_model": Model(factor_model, (50, 5), (5000, 50)),
     "many_periods": Model(many_periods, (8, 3), (100, 10)),
     "total_variation_image": Model(image_total_variation, (10,), (50,)),

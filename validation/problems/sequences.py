@@ -277,15 +277,16 @@ def rebalancing(assets: int, level: str) -> Sequence:
     first = rng.standard_normal(assets)
     bounds = np.zeros(assets), np.full(assets, max(SHARE, FEWEST / assets))
     problem = Problem(P, -first, None, None, np.ones((1, assets)), np.ones(1), *bounds)
-    return Sequence(problem, days(first, NEWS[level], rng))
 
+    def days() -> Steps:
+        wander = np.zeros(
+            assets
+        )  # of returns about the first, so that the spread stays
+        for _ in itertools.count():
+            yield {"q": -(first + wander)}
+            wander = POOR * wander + NEWS[level] * rng.standard_normal(assets)
 
-def days(returns: np.ndarray, news: float, rng: np.random.Generator) -> Steps:
-    """Yield q = -r; r wanders about where it began, so that its spread stays."""
-    wander = np.zeros(returns.size)
-    for _ in itertools.count():
-        yield {"q": -(returns + wander)}
-        wander = POOR * wander + news * rng.standard_normal(returns.size)
+    return Sequence(problem, days())
 
 
 VALUES = dict(zip(LEVELS, (1000, 100, 20), strict=True))

@@ -17,6 +17,7 @@ none may both hold by the definition: where the two answers differ so, one is re
 
 from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -161,61 +162,43 @@ def derivative(maker: cases.Maker, d: draw.Draw) -> Verdict:
     return one_sided(qp, {"q": d.numbers(qp.q.size)})
 
 
-def at_kink(family: Callable[[int], QP], number: int) -> Verdict:
-    names = planted.KINKS[family]
+def at_kink(family: Callable[[int], QP], seed: int, number: int) -> Verdict:
+    number, names = 10**7 * seed + number, planted.KINKS[family]
     qp = family(number)
     return one_sided(qp, planted.direction(qp, number, names[number % len(names)]))
 
 
-def regular(function: Callable[[int], tuple[float, float]], number: int) -> Verdict:
-    error, gap = function(number)
-    if error <= ERROR and gap <= ADJOINT:
+def regular(function: Any, right: float, seed: int, number: int) -> Verdict:
+    error, gap = function(10**7 * seed + number)
+    if error <= right and gap <= ADJOINT:
         return RIGHT
     return "wrong", f"off by {error:.1e}, adjoint by {gap:.1e}"
 
 
-def lcp_kink(number: int) -> Verdict:
-    error = differences.lcp_kink_error(number)
-    return RIGHT if error <= differences.RIGHT else ("wrong", f"off by {error:.1e}")
-
-
-def drawn(check: Callable[[draw.Draw], Verdict], seed: int, number: int) -> Verdict:
+def drawn(check: Any, maker: cases.Maker, seed: int, number: int) -> Verdict:
     with np.errstate(invalid="ignore", over="ignore"):
-        return check(draw.Draw(np.random.default_rng([seed, number, 1])))
+        return check(maker, draw.Draw(np.random.default_rng([seed, number, 1])))
 
 
-def numbered(check: Callable[[int], Verdict], seed: int, number: int) -> Verdict:
-    return check(10**7 * seed + number)
-
-
-def of_fuzzed(
-    check: Callable[[cases.Maker, draw.Draw], Verdict], makers: tuple[cases.Maker, ...]
-) -> dict[str, Check]:
-    return {
-        f"{check.__name__.replace('_', ' ')} {maker.__name__.replace('_', ' ')}": (
-            partial(drawn, partial(check, maker))
-        )
-        for maker in makers
-    }
-
-
-def of_kinks() -> dict[str, Check]:
-    return {
-        f"derivative {family.__name__.replace('_', ' ')}": (
-            partial(numbered, partial(at_kink, family))
-        )
-        for family in planted.KINKS
-    }
+def of_fuzzed(check: Any, makers: tuple[cases.Maker, ...]) -> dict[str, Check]:
+    kinds = {maker.__name__.replace("_", " "): maker for maker in makers}
+    name = check.__name__
+    return {f"{name} {kind}": partial(drawn, check, kinds[kind]) for kind in kinds}
 
 
 RELATIONS: dict[str, dict[str, Check]] = {
     "sequences": of_fuzzed(sequence, cases.CONVEX),
     "batches": of_fuzzed(batch, cases.CONVEX),
     "derivatives": {
-        "derivative QP": partial(numbered, partial(regular, differences.regular_qp)),
-        "derivative LCP": partial(numbered, partial(regular, differences.regular_lcp)),
-        "derivative weak lcp": partial(numbered, lcp_kink),
-        **of_kinks(),
+        "derivative QP": partial(regular, differences.regular_qp, ERROR),
+        "derivative LCP": partial(regular, differences.regular_lcp, ERROR),
+        "derivative weak lcp": partial(
+            regular, differences.lcp_kink_error, differences.RIGHT
+        ),
+        **{
+            f"derivative {family.__name__.replace('_', ' ')}": partial(at_kink, family)
+            for family in planted.KINKS
+        },
         **of_fuzzed(derivative, (qps.strictly_convex, qps.condition_1e8)),
     },
     "closest": of_fuzzed(closest, (qps.infeasible, qps.both, qps.wild)),

@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from validation.problems.fuzzed import general_lcps as general
 from validation.problems.fuzzed import lcps, qps
 from validation.problems.fuzzed.draw import Draw
 from validation.problems.fuzzed.forms import dress, spoil
@@ -48,7 +47,7 @@ LCPS: tuple[Maker, ...] = (
     lcps.positive_definite, lcps.positive_semidefinite, lcps.degenerate_pairs,
     lcps.h_plus, lcps.m_matrix, lcps.singular_z, lcps.other_z, lcps.quotient,
     lcps.triangular, lcps.skew_and_definite, lcps.optimality, lcps.zero_or_diagonal,
-    lcps.tridiagonal, general.strictly_copositive, lcps.general, lcps.general_box,
+    lcps.tridiagonal, lcps.strictly_copositive, lcps.general, lcps.general_box,
     lcps.anything, lcps.scaled, lcps.extreme_scales, lcps.unsolvable,
     lcps.unsolvable_skew, lcps.empty,
 )  # fmt: skip
@@ -59,8 +58,8 @@ CLASSES = (*CONVEX, *OFTEN, *OTHER_QPS, *LCPS, *MALFORMED)
 
 CYCLES: dict[str, tuple[Maker | str, ...]] = {
     "every": CLASSES,
-    "general": (general.friction, general.game, general.strictly_copositive,
-                general.copositive, general.unsolvable_general),
+    "general": (lcps.friction, lcps.game, lcps.strictly_copositive, lcps.copositive,
+                lcps.unsolvable_general),
     "values": (qps.at_bounds, qps.far_scales, qps.single_precision, lcps.far_scales),
 }  # fmt: skip
 """The classes of a run by name: those of every kind; LCPs that are neither P nor

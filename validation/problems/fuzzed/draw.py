@@ -61,9 +61,6 @@ class Draw:
     def matrix(self, rows: int, n: int) -> np.ndarray:
         return self.numbers(rows, n) * (self.rng.random((rows, n)) < self.density)
 
-    def orthogonal(self, n: int) -> np.ndarray:
-        return np.linalg.qr(self.rng.standard_normal((n, n)))[0]
-
 
 def symmetric(M: np.ndarray) -> np.ndarray:
     return (M + M.T) / 2.0
@@ -82,7 +79,7 @@ def semidefinite(draw: Draw, n: int) -> np.ndarray:
 
 def ill_conditioned(draw: Draw, n: int, decades: float = 8.0) -> np.ndarray:
     """Return a definite matrix with eigenvalues from 10^-decades to 1."""
-    V = draw.orthogonal(n)
+    V, _ = np.linalg.qr(draw.rng.standard_normal((n, n)))
     values = 10.0 ** -np.linspace(0.0, decades, n)
     return symmetric((V * values) @ V.T)
 

@@ -1,7 +1,7 @@
 """The ways in which arrays reach a solver, and the ways in which they are malformed.
 
-`matrix_form` and `vector_form` return the same numbers in another representation;
-`spoil` makes one argument wrong. Both are used by the campaign and by the tests.
+`sparse_form`, `dense_form` and `vector_form` return the same numbers in another
+representation; `spoil` makes one argument wrong.
 """
 
 from collections.abc import Callable
@@ -67,12 +67,10 @@ def sparse_form(rng: Rng, values: np.ndarray) -> Any:
         return wrap_loose(rng, values, layout, wrap)
     if layout in ("bsr", "dia") and not 0 < values.size <= 100:  # empty, or slow
         wrap = getattr(sp, f"csc_{kind}")
-    return wrap(values if rng.random() < 0.7 else other_type_sparse(rng, values))
-
-
-def other_type_sparse(rng: Rng, values: np.ndarray) -> np.ndarray:
-    kind = (np.int64, np.int32, np.float32, bool)[int(rng.integers(4))]
-    return values.astype(kind) if kept_by(values, kind) else values
+    if rng.random() < 0.7:
+        return wrap(values)
+    number = (np.int64, np.int32, np.float32, bool)[int(rng.integers(4))]
+    return wrap(values.astype(number) if kept_by(values, number) else values)
 
 
 def wrap_loose(rng: Rng, values: np.ndarray, layout: str, wrap: Any) -> Any:
@@ -103,9 +101,7 @@ def wrap_loose(rng: Rng, values: np.ndarray, layout: str, wrap: Any) -> Any:
     return wrap((data, indices, indptr), shape=values.shape)
 
 
-def matrix_form(rng: Rng, values: np.ndarray, sparse: bool) -> Any:
-    if sparse:
-        return sparse_form(rng, values)
+def dense_form(rng: Rng, values: np.ndarray) -> Any:
     return DENSE[int(rng.integers(len(DENSE)))](rng, values)
 
 
@@ -118,9 +114,7 @@ def vector_form(rng: Rng, values: np.ndarray) -> Any:
         return values[None, :]
     if how == 2 and values.size and np.isfinite(values).all():
         return sp.csc_array(values[:, None])
-    if how == 3:
-        return tuple(values.tolist())
-    return DENSE[int(rng.integers(len(DENSE)))](rng, values)
+    return tuple(values.tolist()) if how == 3 else dense_form(rng, values)
 
 
 # A fault takes the argument as a clean array and returns it spoiled, None if it cannot.
@@ -221,7 +215,7 @@ def dress(rng: Rng, arguments: Arguments) -> Arguments:
     for name, values in arguments.items():
         if values.ndim == 2:
             this = bool(rng.random() < 0.5) if mixed else sparse
-            dressed[name] = matrix_form(rng, values, this)
+            dressed[name] = (sparse_form if this else dense_form)(rng, values)
         else:
             dressed[name] = vector_form(rng, values)
     for names in (("G", "h"), ("A", "b")):

@@ -80,16 +80,13 @@ def friction(build: Callable[..., Scene]) -> Callable[..., Problem]:
 
     def family(n: int, seed: int, ratio: float = 2.0) -> Problem:
         size, mu = 2, MU[seed % len(MU)]
-        while unknowns(scene := build(size, mu, ratio=ratio, seed=seed)) < n:
+        while True:
+            scene = build(size, mu, ratio=ratio, seed=seed)
+            if scene.contacts.mu.size * (scene.directions + 2) >= n:
+                return friction_lcp(scene)
             size = max(size + 1, int(1.1 * size))
-        return friction_lcp(scene)
 
     return family
-
-
-def unknowns(scene: Scene) -> int:
-    """Return the order of the LCP of a scene whose contacts all have friction."""
-    return scene.contacts.mu.size * (scene.directions + 2)
 
 
 FAMILIES: dict[str, Callable[..., Problem]] = {
