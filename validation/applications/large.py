@@ -84,6 +84,7 @@ class Entry(NamedTuple):
     relative: bool = False
 
 
+wide_heap = partial(contact_scenes.heap, sideways=True)
 PLAIN = [*"ball torsion biactive rough anisotropic 3-D".split(), "mesh, jumps"]
 SCENES = {
     "forced": Entry(known_scenes.FAMILIES["forced"], FORCED_SIZES),
@@ -91,9 +92,7 @@ SCENES = {
     "transport": Entry(known_scenes.FAMILIES["transport"], accel="bicgstab"),
     "dominant": Entry(strongly_dominant, accel="bicgstab"),
     "heap": Entry(contact_scenes.heap, PILE_SIZES, None, True),
-    "heap, wide": Entry(
-        partial(contact_scenes.heap, sideways=True), PILE_SIZES, None, True
-    ),
+    "heap, wide": Entry(wide_heap, PILE_SIZES, None, True),
     "wall": Entry(contact_scenes.brick_wall, PILE_SIZES, None, True),
     "hertz": Entry(hertz_contact, HERTZ_SIZES, None),
 }
@@ -103,10 +102,6 @@ def work(job: Job, name: str, n: int) -> Row:
     if job.solver != "nam":
         return peer_row(job, name, n)
     job.ready()
-    return scene_row(name, n)
-
-
-def scene_row(name: str, n: int) -> Row:
     warnings.simplefilter("ignore")
     make, _, accel, relative = SCENES[name]
     call(make(min(n, WARM_UP)), 60.0, relative)
@@ -129,16 +124,11 @@ def scene_row(name: str, n: int) -> Row:
             baselines.append(linear_solve(A, scene.q, accel))
         if times[0] > ONCE:
             break
-    row |= {
-        "residual": residual_of(scene, result.z, relative),
-        "method": result.method,
-        "status": result.status.value,
-        "iterations": result.iterations,
-        "seconds": min(times),
-    }
+    row |= {"method": result.method, "status": result.status.value}
+    row |= {"iterations": result.iterations, "seconds": min(times)}
+    row["residual"] = residual_of(scene, result.z, relative)
     if baselines:
-        row["baseline"] = min(baselines)
-        row["ratio"] = row["seconds"] / row["baseline"]
+        row |= {"baseline": min(baselines), "ratio": min(times) / min(baselines)}
     return row
 
 
@@ -159,9 +149,7 @@ def release_memory() -> None:
         libc.malloc_trim(0)
 
 
-def residual_of(
-    scene: known_scenes.BoxLCP, z: np.ndarray, relative: bool = False
-) -> float:
+def residual_of(scene: known_scenes.BoxLCP, z: np.ndarray, relative: bool) -> float:
     A, q, lower, upper = scene
     if relative:
         return judging.relative_residual(A, q, z)
@@ -198,7 +186,7 @@ def peer_row(job: Job, name: str, n: int) -> Row:
     def judge(answer: qpsolvers.Solution) -> Row:
         if not answer.found or answer.x is None:
             return processes.failure("not found")
-        residual = residual_of(scene, answer.x)
+        residual = residual_of(scene, answer.x, False)
         good = residual <= PEER_EPS * np.sqrt(scene.q.size)
         return {"residual": residual, "status": "solved" if good else "inaccurate"}
 

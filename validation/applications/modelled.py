@@ -41,7 +41,6 @@ SOLVERS: dict[str, tuple[str, dict[str, Any]]] = {
     "reference": ("CLARABEL", {**TIGHT, "accept_unknown": True}),
 }
 REFERENCE = "reference"
-ORACLES = (REFERENCE, "clarabel")
 ACCURATE = 1e-7  # what residuals and objective must reach to count as a success
 ERRORS = ["primal_residual", "dual_residual", "complementarity"]
 QUICK = 10  # every so many models, small
@@ -87,13 +86,9 @@ def judge(problem: Any, chain: Any, raw: Any, data: Any, inverse: Any) -> Row:
     row |= {"variables": qp[1].size, "equalities": qp[3].size}
     row["inequalities"] = qp[5].size
     if solution.primal_vars:
+        dual = {key: np.ravel(v, "F") for key, v in solution.dual_vars.items()}
         y, z = (
-            np.concatenate(
-                [
-                    np.zeros(0),
-                    *(np.ravel(solution.dual_vars[c.id], "F") for c in last[k]),
-                ]
-            )
+            np.concatenate([np.zeros(0), *(dual[c.id] for c in last[k])])
             for k in (solver.EQ_CONSTR, solver.NEQ_CONSTR)
         )
         x = np.ravel(next(iter(solution.primal_vars.values())))
@@ -142,7 +137,7 @@ def conclude(rows: list[Row]) -> list[Row]:
     The objective is compared with the better of Clarabel's points, or, should neither
     be accurate, with the point of least residuals: `against` says whose it is.
     """
-    oracles = [row for row in rows if row["solver"] in ORACLES]
+    oracles = [row for row in rows if row["solver"] in (REFERENCE, "clarabel")]
     best = min(oracles, key=worst, default=None)
     if best is None or worst(best) > ACCURATE:
         best = min(rows, key=worst)
@@ -263,16 +258,11 @@ def work_steps(job: Job, size: str, name: str) -> Row:
     return resolve(name, size, job.solver)
 
 
-def of_sequences(args: Args) -> Iterator[Row]:
-    for size in ("small",) if args.quick else ("small", "medium"):
-        yield from ({"set": size, "problem": name} for name in SEQUENCES)
-
-
 def conclude_steps(rows: list[Row]) -> list[Row]:
     reference = next((r.get("values") for r in rows if r["solver"] == REFERENCE), None)
-    for row in rows:
-        if reference is not None and "values" in row:
-            best = np.array(reference, dtype=float)
+    best = np.array(reference, dtype=float)
+    for row in rows if reference is not None else ():
+        if "values" in row:
             error = np.abs(np.array(row["values"], dtype=float) - best)
             row["objective_error"] = float((error / np.maximum(1.0, abs(best))).max())
     return rows
@@ -295,7 +285,11 @@ SUITES = {
     ),
     "steps": Suite(
         name="cvxpy-resolve",
-        requests=of_sequences,
+        requests=lambda args: (
+            {"set": size, "problem": name}
+            for size in (("small",) if args.quick else ("small", "medium"))
+            for name in SEQUENCES
+        ),
         work=work_steps,
         conclude=conclude_steps,
         columns=(

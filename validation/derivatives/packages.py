@@ -22,6 +22,7 @@ time of one linear solve with all of A to the same accuracy, by the same cycles.
 import time
 import warnings
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -74,23 +75,17 @@ def band_case(n: int, seed: int = 0) -> Data:
 
 
 def nam(data: Data) -> Pass:
-    P, q, G, h, g = data
-    many = q.ndim > 1
-
-    def solve() -> Any:
-        if many:
-            return namlcp.solve_batch(P, q, G, h, threads=1)
-        return namlcp.solve_qp(P, q, G, h, derivative=True)
+    *qp, g = data
+    threads = {"threads": 1} if data.q.ndim > 1 else {}
 
     def backward(result: Any) -> tuple[Any, ...]:
-        if many:
-            found = result.backward(dx=g, threads=1)
-        else:
-            result.kept = None  # nothing is kept from an earlier call
-            found = result.backward(dx=g)
+        result.kept = None  # nothing is kept from an earlier call
+        found = result.backward(dx=g, **threads)
         return found.P, found.q, found.G, found.h
 
-    return solve, backward
+    if threads:
+        return partial(namlcp.solve_batch, *qp, **threads), backward
+    return partial(namlcp.solve_qp, *qp, derivative=True), backward
 
 
 def proxqp(data: Data) -> Pass:
@@ -108,8 +103,7 @@ def proxqp(data: Data) -> Pass:
         return qp
 
     def backward(qp: Any) -> tuple[Any, ...]:
-        loss = np.concatenate((g, np.zeros(m)))
-        prox.dense.compute_backward(qp, loss)
+        prox.dense.compute_backward(qp, np.append(g, np.zeros(m)))
         found = qp.model.backward_data
         return found.dL_dH, found.dL_dg, found.dL_dC, found.dL_du
 
@@ -163,24 +157,25 @@ def dqp(data: Data) -> Pass:
     import qpsolvers
 
     P, q, G, h, g = data
-    problem = qpsolvers.Problem(*(sp.csc_matrix(v) if sp.issparse(v) else v
-                                  for v in (P, q, G, h)))  # fmt: skip
+    qp = (sp.csc_matrix(v) if sp.issparse(v) else v for v in (P, q, G, h))
+    problem = qpsolvers.Problem(*qp)
     solver = "piqp" if sp.issparse(P) else "daqp"
     more = qp_solvers.settings(solver, EPS, 60.0)
 
     def backward(solution: Any) -> tuple[Any, ...]:
         x, z = solution.x, solution.z
         active = np.flatnonzero(z > h - G @ x)
-        C, rhs = G[active], np.concatenate((g, np.zeros(active.size)))
-        if sp.issparse(P):
-            K = sp.block_array([[P, C.T], [C, None]], format="csc")
-            w = splu(K).solve(rhs)
-        else:
-            K = np.block([[P, C.T], [C, np.zeros((active.size, active.size))]])
-            w = np.linalg.solve(K, rhs)
+        K, rhs = kkt(P, G[active]), np.append(g, np.zeros(active.size))
+        w = splu(K).solve(rhs) if sp.issparse(K) else np.linalg.solve(K, rhs)
         return gradients_of(data, x, z, active, w)
 
     return lambda: qpsolvers.solve_problem(problem, solver=solver, **more), backward
+
+
+def kkt(P: Any, C: Any) -> Any:
+    if sp.issparse(P):
+        return sp.block_array([[P, C.T], [C, None]], format="csc")
+    return np.block([[P, C.T], [C, np.zeros((len(C), len(C)))]])
 
 
 def gradients_of(
@@ -201,35 +196,28 @@ def gradients_of(
 def reference(data: Data) -> tuple[Any, ...]:
     P, q, G, h, g = data
     active = np.flatnonzero(namlcp.solve_qp(P, q, G, h).z > 1e-8)
-    k, n, C = active.size, q.size, G[active]
+    n, K = q.size, kkt(P, G[active])
     right = np.column_stack(
-        (np.concatenate((-q, h[active])), np.concatenate((g, np.zeros(k))))
+        (np.append(-q, h[active]), np.append(g, np.zeros(active.size)))
     )
-    if sp.issparse(P):
-        K = sp.block_array([[P, C.T], [C, None]], format="csc")
-        factors, wide = splu(K), K.astype(np.longdouble)
-    else:
-        K = np.block([[P, C.T], [C, np.zeros((k, k))]])
-        inverse, wide = np.linalg.inv(K), K.astype(np.longdouble)
-    found = np.zeros(right.shape, np.longdouble)
+    solve = splu(K).solve if sp.issparse(K) else np.linalg.inv(K).__matmul__
+    wide, found = K.astype(np.longdouble), np.zeros(right.shape, np.longdouble)
     for _ in range(6):  # refinement with residuals in extended precision
-        rest = (right - wide @ found).astype(float)
-        found += factors.solve(rest) if sp.issparse(P) else inverse @ rest
+        found += solve((right - wide @ found).astype(float))
     z = np.zeros(h.size, np.longdouble)
     z[active] = found[n:, 0]
     return gradients_of(data, found[:n, 0], z, active, found[:, 1])
 
 
 def error_of(found: tuple[Any, ...], exact: tuple[Any, ...]) -> float:
-    worst = 0.0
-    for own, true in zip(found, exact, strict=True):
-        if own is not None:
-            gap = abs(own - true) if sp.issparse(true) else np.abs(own - true)
-            worst = max(worst, float(gap.max() / abs(true).max()))
-    return worst
+    return max(
+        float(abs(own - true).max() / abs(true).max())
+        for own, true in zip(found, exact, strict=True)
+        if own is not None
+    )
 
 
-def best_times(both: Pass, seconds: float = 1.0) -> tuple[float, float, Any]:
+def best_times(both: Pass, seconds: float = 1.0) -> tuple[Row, Any]:
     solve, backward = both
     backward(solve())  # compiles, or loads what is compiled
     times, begin = [], time.process_time()
@@ -240,7 +228,7 @@ def best_times(both: Pass, seconds: float = 1.0) -> tuple[float, float, Any]:
         found = backward(state)
         times.append((middle - start, time.process_time() - middle))
     first, second = (min(column) for column in zip(*times, strict=True))
-    return first, second, found
+    return {"solve": first, "backward": second, "ratio": second / first}, found
 
 
 MAKERS = {"nam": nam, "proxqp": proxqp, "qpth": qpth, "diffcp": diffcp, "dqp": dqp}
@@ -249,13 +237,8 @@ MAKERS = {"nam": nam, "proxqp": proxqp, "qpth": qpth, "diffcp": diffcp, "dqp": d
 
 def qp_row(solver: str, data: Data) -> Row:
     exact = reference(data)
-    first, second, found = best_times(MAKERS[solver](data))
-    return row_of(first, second, error_of(found, exact))
-
-
-def row_of(first: float, second: float, error: float, **more: float) -> Row:
-    row: Row = {"solve": first, "backward": second, "error": error}
-    return row | {"ratio": second / first} | more
+    row, found = best_times(MAKERS[solver](data))
+    return row | {"error": error_of(found, exact)}
 
 
 def batch_row(solver: str) -> Row:
@@ -273,8 +256,8 @@ def batch_row(solver: str) -> Row:
             return tuple(map(np.stack, zip(*found, strict=True)))
 
         both = (lambda: [solve() for solve, _ in passes], backward)
-    first, second, found = best_times(both)
-    return row_of(first, second, error_of(found, exact))
+    row, found = best_times(both)
+    return row | {"error": error_of(found, exact)}
 
 
 def obstacle_row(n: int, seconds: float = 20.0) -> Row:
@@ -287,10 +270,9 @@ def obstacle_row(n: int, seconds: float = 20.0) -> Row:
         result.kept = None
         return result.backward(dz=g).q
 
-    first, second, rho = best_times(
-        (lambda: namlcp.solve_lcp(matrix, q, lower), backward), seconds
-    )
-    result = namlcp.solve_lcp(matrix, q, lower)
+    solve = partial(namlcp.solve_lcp, matrix, q, lower)
+    row, rho = best_times((solve, backward), seconds)
+    result = solve()
     free = result.derivative.side == 0
     error = np.linalg.norm((A @ rho + g)[free]) / np.linalg.norm(g[free])
     every = np.ones(q.size, dtype=bool)
@@ -298,8 +280,8 @@ def obstacle_row(n: int, seconds: float = 20.0) -> Row:
     def linear(_: Any) -> Any:
         return FreeSystem(hierarchy_of(matrix), every).solve(g, 1e-12)
 
-    _, whole, _ = best_times((lambda: None, linear), seconds)
-    return row_of(first, second, float(error), linear=whole)
+    whole, _ = best_times((lambda: None, linear), seconds)
+    return row | {"error": float(error), "linear": whole["backward"]}
 
 
 CASES = {

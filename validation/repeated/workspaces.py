@@ -21,7 +21,8 @@ INFINITY = 1e30  # what DAQP and PIQP take for infinity
 
 def told(solver: str, eps: float) -> dict[str, Any]:
     settings = qp_solvers.settings(solver, eps, np.inf)
-    return {key: value for key, value in settings.items() if "time_limit" not in key}
+    settings.pop("time_limit", None)
+    return settings
 
 
 def answered(
@@ -29,10 +30,8 @@ def answered(
 ) -> Solution:
     y, z, z_box = (np.asarray(part) for part in multipliers)
     z_box = z_box if problem.lb is not None or problem.ub is not None else np.empty(0)
-    return Solution(
-        problem, found=found, x=np.asarray(x).copy(), y=y.copy(), z=z.copy(),
-        z_box=z_box.copy(),
-    )  # fmt: skip
+    x, y, z, z_box = (np.array(part) for part in (x, y, z, z_box))
+    return Solution(problem, found=found, x=x, y=y, z=z, z_box=z_box)
 
 
 class Calls:
@@ -48,9 +47,8 @@ class Calls:
 
     def step(self, vectors: Vectors) -> None:
         self.data.update(vectors)
-        self.result = namlcp.solve_qp(
-            **self.data, warm_start=self.result, **self.options
-        )
+        given = self.data | self.options
+        self.result = namlcp.solve_qp(**given, warm_start=self.result)
 
     def solution(self, problem: Problem) -> Solution:
         r = self.result
@@ -85,13 +83,9 @@ class Piqp:
         self.solved = piqp.PIQP_SOLVED
         for key, value in told("piqp", eps).items():
             setattr(self.solver.settings, key, value)
-        rows = form(A), b, form(G), None, h
-        self.solver.setup(form(P), q, *rows, *self.finite(lb, ub))
+        bounds = (np.clip(side, -INFINITY, INFINITY) for side in (lb, ub))
+        self.solver.setup(form(P), q, form(A), b, form(G), None, h, *bounds)
         self.status = self.solver.solve()
-
-    @staticmethod
-    def finite(*sides: np.ndarray) -> list[np.ndarray]:
-        return [np.clip(side, -INFINITY, INFINITY) for side in sides]
 
     def prepared(self, vectors: Vectors) -> Vectors:
         names = {"q": "c", "h": "h_u", "b": "b", "lb": "x_l", "ub": "x_u"}
@@ -127,9 +121,6 @@ class Stacked:
         C = sp.vstack([sp.csc_matrix(rows[part]) for part in self.order], format="csc")
         self.setup(P, A, C, eps)
 
-    def setup(self, P: Any, A: Any, C: sp.csc_matrix, eps: float) -> None:
-        raise NotImplementedError
-
     def sides(self, part: str) -> tuple[np.ndarray, np.ndarray]:
         now = self.now
         if part == "h":
@@ -149,10 +140,8 @@ class Stacked:
     def answered(self, problem: Problem, found: bool, x: Any, v: Any, y: Any) -> Any:
         sizes = [self.sides(part)[0].size for part in self.order]
         parts = np.split(np.asarray(v), np.cumsum(sizes)[:-1])
-        by_name = {"b": y, "box": np.zeros(0)} | dict(
-            zip(self.order, parts, strict=True)
-        )
-        return answered(problem, found, x, tuple(by_name[k] for k in ("b", "h", "box")))
+        named = {"b": y, "box": np.zeros(0)} | dict(zip(self.order, parts, strict=True))
+        return answered(problem, found, x, (named["b"], named["h"], named["box"]))
 
 
 class Daqp(Stacked):
