@@ -1,15 +1,10 @@
 """All that is measured, in a list: a run makes anew what is out of date.
 
 JOBS names the CSV files and the commands that make them. A file is up to date while its
-stamp, a hash of the sources that its commands depend on, is that of now; a stopped run
-goes on there, and the long commands within their CSV files. --full waits until the
-machine is quiet (`harness.quiet`), with --busy one other process may run. What a
-command printed is in OUT/logs. At the end stands what became of each claim.
-`--full --out validation` renews the repository's own files, and its README files.
-
---only takes jobs by their names, --list tells the minutes of each, --again makes
-everything anew. --data (or the environment variable NAMLCP_DATA) is the folder
-described in README.md; jobs whose data are missing are named and left out.
+stamp, a hash of the sources that its commands depend on, is that of now. --full waits
+until the machine is quiet (`harness.quiet`). What a command printed is in OUT/logs.
+`--full --out validation` renews the repository's own files, and its README files. Jobs
+whose data are missing are named and left out.
 """
 
 import hashlib

@@ -1,20 +1,19 @@
 """The book of answers: a fixed list of problems, solved again after each change.
 
 write
-    Solve the list and store the rows, one CSV a suite, in --book, in place of its own.
+    Solve the list and store the rows, one CSV a suite, in --book.
 check
     Solve the list and sort every difference from the stored rows:
     wrong: another objective than the residuals allow, a solution beside a proof, or a
-    verdict of the campaign's judge; other: the same where the judge calls both right
-    (P indefinite by rounding; neither feasible nor bounded); worse: solved or proved
-    before, not now; better: the reverse; failure: undecided in other words; point:
-    another point of the same objective; way: another method or number of iterations;
-    same.
+    verdict of the campaign's judge; other: the same where the judge calls both right;
+    worse: solved or proved before, not now; better: the reverse; failure: undecided in
+    other words; point: another point of the same objective; way: another method or
+    number of iterations; same.
     Returns 1 if anything is wrong or worse.
 
-The rows of a run go to --run; what is there is not solved again, so that a run goes on
-where it stopped. --quick takes every tenth problem of a suite of those that took less
-than 0.1 s, in 90 seconds; the whole list takes about 20 minutes on two cores.
+The rows of a run go to --run; what is there is not solved again. --quick takes every
+tenth problem of a suite of those that took less than 0.1 s, in 90 seconds; the whole
+list takes about 20 minutes on two cores.
 """
 
 import collections

@@ -1,15 +1,12 @@
 """Large sparse LCPs: time against n, beside one linear solve with the same matrix.
 
-One row for each scene, size and solver, each in a process of its own. `seconds` is the
-best of two whole calls of `solve_lcp` (of one beyond 20 s), checks and set-up included,
-compiled kernels loaded; `residual` || z - clip(z - (A z + q), lower, upper) ||_2,
-computed here. `baseline`, in the same process, in turns with ours and the best of as
-many, is one linear solve: A x = -q to 1e-8 by pyamg's default Ruge-Stueben hierarchy,
-its set-up included, and CG (BiCGStab if A is not symmetric). `memory` is what the call
-needs at its peak, in units of the bytes of A. OSQP, PIQP and Clarabel solve the forced
-obstacle to 1e-8 up to the size that they do not finish in 60 s.
-
---quick: n up to 10^5.
+One row for each scene, size and solver. `seconds` is the best of two whole calls of
+`solve_lcp` (of one beyond 20 s), checks and set-up included; `residual` Res, computed
+here. `baseline`, in the same process, in turns with ours, is one linear solve: A x = -q
+to 1e-8 by pyamg's default Ruge-Stueben hierarchy, its set-up included, and CG (BiCGStab
+if A is not symmetric). `memory` is what the call needs at its peak, in units of the
+bytes of A. OSQP, PIQP and Clarabel solve the forced obstacle to 1e-8 up to the size
+that they do not finish in 60 s.
 """
 
 import ctypes

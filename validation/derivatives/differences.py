@@ -1,21 +1,19 @@
 """Derivatives of QPs and LCPs against differences, and at kinks.
 
-Regular problems (`cases.regular_qp`, `regular_lcp`): dense and sparse in
-turns, with equalities, bounds and pinned variables, in units that differ by up to 10^4;
-two thirds of the LCPs are not symmetric. `error` is the largest relative difference,
-entry by entry, between `forward` along a random direction of all data and a central
-difference, extrapolated from two steps. The points for it come from the equations of
-the active constraints in extended precision (64 bits); at the unmoved data the result
-itself is compared with them. `adjoint` is the largest difference between the two sides
-of <g, forward(d)> = <backward(g), d>, over the sum of the moduli of the terms.
+Regular problems: dense and sparse in turns, in units that differ by up to 10^4; two
+thirds of the LCPs are not symmetric. `error` is the largest relative difference, entry
+by entry, between `forward` along a random direction of all data and a central
+difference, extrapolated from two steps, of points from the equations of the active
+constraints in extended precision. `adjoint` is the largest difference between the two
+sides of <g, forward(d)> = <backward(g), d>, over the sum of the moduli of the terms.
 
-Closest points of infeasible QPs (`cases.contradictory`, of three kinds in turns): the
-gradient of a random scalar in x and the shifts, along a random change of all data, or,
-where the rank of the shifted rows may rise, of all but G and A, beside an extrapolated
-central difference of the solver, over 1 + its modulus.
+Closest points of infeasible QPs: the gradient of a random scalar in x and the shifts,
+along a random change of all data, or, where the rank of the shifted rows may rise, of
+all but G and A, beside an extrapolated central difference of the solver, over 1 + its
+modulus.
 
 Kinks: `error` is that of `directional` beside a one-sided difference of the solver,
-over 1 + its largest entry; `right` counts those below 1e-4.
+over 1 + its largest entry.
 """
 
 from collections.abc import Callable, Iterator

@@ -4,12 +4,10 @@ A scalar g'x of the solution of min 1/2 x'Px + q'x, Gx <= h is differentiated in
 and h. `dense n` has n rows, `batch` is 128 dense QPs with n = 10 (one thread), `band` a
 banded P with 100 sparse rows and bounds, n = 10^4, `obstacle` an LCP on a square.
 `solve` and `backward` [s of processor time] are the best of several calls; backward
-includes all gradients as arrays; a dense solve of ours is asked to keep its factors
-(derivative=True). `error` is the largest difference to the reference over the largest
-entry, the worst of the four gradients. The reference solves the KKT system of the
-active constraints, refined with residuals in extended precision.
+includes all gradients as arrays. `error` is the largest difference to the reference
+over the largest entry, the worst of the four gradients.
 
-proxqp   proxsuite, compute_backward (solve_backward_in_parallel for the batch)
+proxqp   proxsuite, compute_backward
 qpth     QPFunction of PyTorch (its own interior-point method)
 diffcp   cvxpy with requires_grad=True
 dqp      Magoon et al. 2024: a QP solver (daqp, or piqp if sparse), then one solve with

@@ -1,20 +1,18 @@
 """General LCPs by families, sizes and seeds, and time steps: who solves them, how fast.
 
 families
-    All problems of `problems.general.families` have a solution. Solved means that the
-    solver says so and Res(z) <= 1e-9 max |q_i| on the data as given; namlcp, which has
-    an option for it, is asked for that. Solvers: `nam`, method="auto"; `lemke`,
+    All problems have a solution. Solved means that the solver says so and Res(z) <=
+    1e-9 max |q_i| on the data as given. Solvers: `nam`, method="auto"; `lemke`,
     method="lemke"; `quantecon`, Lemke's method of QuantEcon; `daqp`, its mode for
     variational inequalities, made for definite matrices. Each solves twice, unless the
-    first takes a second, and the last time counts: the first may compile. `runtime` is
-    processor time, so that other processes matter less. The last three keep dense
-    matrices and are asked up to DENSE unknowns; a solver that has run into the limit
-    LATES times at sizes up to n of a family is not asked for more of them. From DENSE
-    unknowns on there are FEW seeds. The CSV grows seed by seed.
+    first takes a second, and the last time counts. `runtime` is processor time. The
+    last three keep dense matrices and are asked up to DENSE unknowns; a solver that has
+    run into the limit LATES times at sizes up to n of a family is not asked for more of
+    them. From DENSE unknowns on there are FEW seeds.
 steps
     Discs that fall with friction for 300 steps: an LCP each, from the last one or not.
     A row for every step: unknowns, method, Res over max |q_i|, processor time, energy
-    and deepest overlap. The scene: `examples/falling.py`.
+    and deepest overlap.
 """
 
 import time

@@ -1,9 +1,8 @@
 """Whether the machine is quiet enough for a timing.
 
 The environment variable LOAD says what else may run, as `report --full` sets it. Every
-request to a child process (`processes.Bench`) then waits until other processes keep no
-more of the cores busy than `ALLOWED`, and raises BusyError if that does not happen.
-Without the variable nothing is looked at. `said` tells it to the header of every CSV.
+request to a child process then waits until other processes keep no more of the cores
+busy than `ALLOWED`. Without the variable nothing is looked at.
 """
 
 import os

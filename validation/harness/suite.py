@@ -2,9 +2,8 @@
 
 A request is a row with the keys of the suite; one that names no solver asks all of
 them. Requests that follow each other and differ in the solver alone are one problem.
-Each solver answers in a child process (`processes.Bench`), which a hang or a crash does
-not survive; what ran into the time limit is not asked for more (`Late`). A row is in
-the CSV file as soon as it is known; with --go-on a run leaves out what the file has.
+Each solver answers in a child process (`processes.Bench`). A row is in the CSV file as
+soon as it is known; with --go-on a run leaves out what the file has.
 """
 
 import argparse

@@ -1,7 +1,6 @@
 """NAM beside independent oracles on every scene, against the values that are known.
 
-Scenes and known values: `scenes`; solvers: `solvers`, each asked for 1e-10, in a child
-process with a time limit. One row of the CSV is one quantity of one scene by one
+Each solver is asked for 1e-10. One row of the CSV is one quantity of one scene by one
 solver. The reference is the known value, to the digits that are printed. Where there is
 none:
 
@@ -9,8 +8,6 @@ none:
   size; of a nonsymmetric LCP, which has none, the relative natural residual, to 1e-8;
 - z (where it is unique) and w (by the solver's own multipliers): the largest
   difference from NAM, over 1 + the largest entry of NAM's, to 1e-6.
-
-A row that does not agree says why in its last column.
 """
 
 from collections.abc import Iterator

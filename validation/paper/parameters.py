@@ -1,16 +1,14 @@
 """How good omega="auto" and alpha="auto" are beside the best point of a grid.
 
 For every scene and every sweep method: the fewest sweeps to Res(z) < 1e-6 Res(0) over
-alpha and c, Omega = c D, within CAP sweeps (grid_alpha, grid_c, grid_sweeps), and what
-the choice of the package needs (auto_sweeps, with its last alpha and c). `products`
-are the products with A of its estimates, about half a sweep each, which `ratio` =
-auto_sweeps / grid_sweeps leaves out and `ratio_with_products` counts. The wanted ratio
-is 1.3 at most; "none" in grid_sweeps: no point of the grid converges.
+alpha and c, Omega = c D, within CAP sweeps (grid_*), and what the choice of the package
+needs (auto_*). `products` are the products with A of its estimates, about half a sweep
+each, which `ratio` = auto_sweeps / grid_sweeps leaves out. "none" in grid_sweeps: no
+point of the grid converges.
 
-parameters.csv has scenes that were fixed on 2026-11-21, before any choice was tuned.
-
-maor and namaor have beta = 1 (without a beta they are msor and namsor), "nam" and
-"modified-nam" E = D, and "modified-nam" alpha = c times the geometric mean of D.
+The scenes were fixed on 2026-11-21, before any choice was tuned. maor and namaor have
+beta = 1 (without a beta they are msor and namsor), "nam" and "modified-nam" E = D, and
+"modified-nam" alpha = c times the geometric mean of D.
 """
 
 import itertools
@@ -29,6 +27,7 @@ from namlcp.limits import Limits
 from validation.harness import Job, Row
 from validation.harness.suite import Args, Suite
 from validation.problems import data_sets, known_scenes, sweep_scenes
+from validation.problems.classics import forced_obstacle
 
 EPS_REL = 1e-6  # of Res(0)
 WANTED = 1.3  # sweeps over those of the best point, at most

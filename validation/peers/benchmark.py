@@ -1,42 +1,27 @@
 """QP solvers on sets of problems: success, time and accuracy, namlcp beside its peers.
 
-A problem counts as solved when the solver says so and primal residual, dual residual,
-duality gap (qpsolvers' own functions) and the wrong-signed part of the multipliers
-are all at most eps, within the time limit. The time is the median of repeated calls of
-qpsolvers.solve_problem, with eps_abs = eps and eps_rel = 0, on one thread, after a
-tiny problem of the same kind; the first call is kept as `cold`.
+What counts as solved, and what is timed, stands in README.md.
 
-sets
-    Collections, and parts of Maros-Meszaros (`data_sets`).
-maros-meszaros
-    All of it, one problem after the other with every solver in turn.
+sets, maros-meszaros
+    Collections and parts of them (`data_sets`); all of Maros-Meszaros.
 classes
-    Those of the OSQP paper (`osqp_classes`), four sizes of each, from 10^3 to 10^6
-    entries of P, G and A. A peer's time limit is ten times what namlcp took; what ran
-    into the limit is not tried at a larger size of its class. Every problem has a
-    solution.
+    Those of the OSQP paper (`osqp_classes`), four sizes of each. A peer's time limit is
+    ten times what namlcp took; what ran into it is not tried at a larger size.
 families
     Random QPs around a planted primal-dual solution (`draw`); the size comes from
     the seed as well. Like the next, no constants were tuned on them.
 changes
-    Maros-Meszaros problems with their data changed. noise: every stored number times
-    1 + 1e-3 N(0, 1), where P becomes D P D so that it stays convex, and equal rows and
-    pinned variables stay consistent only by chance; rows, columns: scaled by
-    10^U(-3, 3), the same problem in other units; plain: unchanged, to compare with.
-    The noise can make a problem infeasible: what is called so is asked of HiGHS (an LP
-    without cost) and left out of the count if it agrees.
-
+    Maros-Meszaros problems with their data changed (`draw.CHANGES`). The noise can make
+    a problem infeasible: what is called so is asked of HiGHS (an LP without cost) and
+    counts as solved if it agrees.
 infeasible
-    QPs without a solution, and some that only look so: what is said of them. The
-    problems and what is true of them: `infeasible_cases`. Every solver has, at the
-    case's eps, those of its settings that recognise most. What it says is recognised:
+    QPs without a solution, and some that only look so (`infeasible_cases`). Every
+    solver has those of its settings that recognise most. What it says is recognised:
     "infeasible", "unbounded" (either where both are true), solved within ten times eps,
     or, of a problem that is not convex, anything but solved; misjudged: solved where
     nothing can be, infeasible or unbounded where a solution exists (of an infeasible
     problem: unbounded), or "solved" with larger residuals; else undecided. The time is
-    processor time. The campaign judges certificates.
-
---only takes names of sets or problems.
+    processor time.
 """
 
 import time

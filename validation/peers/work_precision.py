@@ -1,14 +1,11 @@
 """Speed against attained accuracy: one panel for each family of problems.
 
-A row for each problem, solver and requested tolerance. `error` is computed here from
-the returned point: the distance to the solution, || x - x* ||_inf / || x* ||_inf, in
-families whose solutions are unique (by construction, or from `reference`), else
-the worst residual. `residual` is the worst of primal residual, dual residual, duality
-gap and wrong-signed multipliers, for a sweep Res(z): the quantity whose tolerance was
-asked for. A request is missed if the residual is more than ten times the tolerance, or
-the time limit is; what the solver says of itself counts for nothing. The solvers take
-turns, problem by problem, namlcp first: the other solvers' time limit is ten times what
-it took. What is late at a tolerance is not tried at a tighter one.
+A row for each problem, solver and requested tolerance. `error` is computed from the
+returned point: || x - x* ||_inf / || x* ||_inf in families whose solutions are unique
+(by construction, or from `reference`), else the worst residual. `residual` is the worst
+of primal residual, dual residual, duality gap and wrong-signed multipliers, for a sweep
+Res(z). A request is missed if the residual is more than ten times the tolerance, or the
+time limit is; what the solver says of itself counts for nothing.
 
 --quick: two small problems for each family, three tolerances. Without --data the
 problems of the data folder are left out.

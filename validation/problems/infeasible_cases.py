@@ -1,9 +1,9 @@
 """QPs without a solution, and some that only look so: a set with known truth.
 
-Each case has a truth, `infeasible`, `unbounded`, `both`, `feasible` or `not convex`. It
-follows from the construction; where that needs a linear program, HiGHS solves it (by
-way of scipy.optimize.linprog). From the Maros-Meszaros collection come the convex
-problems of at most 1000 variables and rows, each changed in one way:
+The truth, `infeasible`, `unbounded`, `both`, `feasible` or `not convex`, follows from
+the construction; where that needs a linear program, HiGHS solves it. From the
+Maros-Meszaros collection come the convex problems of at most 1000 variables and rows,
+each changed in one way:
 
 - fixed: a variable is held above the largest value that the constraints allow (HiGHS);
 - row: a row is added that contradicts the sum of two others by 1e-3 of its size;

@@ -1,9 +1,8 @@
 """What people model in CVXPY: fits, portfolios, control, projections, LPs, traps.
 
-MODELS has them by name with a small and a large size, and the status that is right. A
-fit is a function of w, X and y, a portfolio one of its weights, mean and risk, control
-one of states and inputs, the others of x, a number of rows m and a generator of random
-numbers; each returns the cost and the constraints. Data are drawn with a fixed seed.
+A fit is a function of w, X and y, a portfolio one of its weights, mean and risk,
+control one of states and inputs, the others of x, a number of rows m and a generator of
+random numbers; each returns the cost and the constraints.
 """
 
 from collections.abc import Callable

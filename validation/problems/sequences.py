@@ -1,4 +1,4 @@
-"""Sequences of QPs with the same matrices, as a loop meets them; nothing here solves.
+"""Sequences of QPs with the same matrices, as a loop meets them.
 
 SCENES has a maker of each by name: make(size, level) with one of its `sizes` and of
 LEVELS, which says how far the active set moves from a step to the next.
@@ -9,17 +9,17 @@ Model-predictive control of a quadcopter, with the stages as unknowns or without
     subject to  x_{k+1} = F x_k + B u_k,  lower <= x_k <= upper,  least <= u_k <= most
 
 from the measured state x_0, in a closed loop: the first input is applied, the state is
-disturbed, and the height that is wanted changes. Model, limits and weights are those
-of the example "Model predictive control (MPC)" in OSQP's documentation: 12 states
-(three angles, three positions, and the rates of both), 4 rotors, steps of 0.1 s.
+disturbed, and the height that is wanted changes. The model is that of the example
+"Model predictive control (MPC)" in OSQP's documentation: 12 states (three angles, three
+positions, and the rates of both), 4 rotors, steps of 0.1 s.
 
 Contact: time steps of discs in a box that is shaken (Moreau's scheme, no friction),
 
     minimise  v'M v / 2 - v'M(v_old + dt g + kicks)   subject to  N'v >= -gap / dt
 
 for the velocities v; then positions += dt v. The normals N stay those of the heap at
-rest, for small motions, so that only q and h change. The gaps are open at first; then
-the discs rattle, and contacts close and open. Units: dt = g = 1.
+rest, so that only q and h change. The gaps are open at first; then the discs rattle.
+Units: dt = g = 1.
 
 Portfolio: long-only, its expected returns estimated anew every day,
 
@@ -31,8 +31,7 @@ Lasso path: the penalty falls from where nothing is chosen to a thousandth of it
 
     minimise  |X w - y|^2 / 2 + penalty |w|_1,   w = u - v,  u, v >= 0
 
-as QP in (u, v), whose P = [X'X, -X'X; -X'X, X'X] is singular. There are twice as many
-samples as features, of which one in five has an influence.
+as QP in (u, v), whose P is singular. One feature in five has an influence.
 """
 
 import itertools

@@ -1,15 +1,11 @@
 """Sequences of QPs with the same matrices: microseconds a step, worst residuals.
 
 A scene's loop is run once with fresh solves of ours, which give the next step its
-vectors. Then every solver repeats these steps by its own workspace (`workspaces`), from
-its last answer, with the vectors ready in its own form: the time is that of update and
-solve. Of REPEATS runs, each with a new workspace, the quickest counts for each step
-(one run is enough where it takes more than LONG seconds);
-`microseconds` is the median of the steps.
-
-Each answer is judged with the problem as given: the largest residual (primal, dual,
-gap, signs) and the distance of x to the fresh solve, relative to the largest entry, of
-all steps.
+vectors. Then every solver repeats these steps by its own workspace (`workspaces`). Of
+REPEATS runs, each with a new workspace, the quickest counts for each step;
+`microseconds` is the median of the steps. Each answer is judged with the problem as
+given: the largest residual and the distance of x to the fresh solve, relative to the
+largest entry, of all steps.
 """
 
 import time

@@ -1,9 +1,8 @@
 """Every solver by its own workspace: set up once, then update and solve.
 
 `prepared` brings what changes into the solver's own form and is not timed; `step`,
-which is, updates and solves; `solution` is the last answer, in qpsolvers' form. The
-solvers are told what `harness.qp_solvers` says, and start from their last answer where
-they can. A module of a solver is imported where it is used.
+which is, updates and solves from the last answer; `solution` is the answer, in
+qpsolvers' form. The solvers are told what `harness.qp_solvers` says.
 """
 
 from typing import Any

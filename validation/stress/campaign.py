@@ -1,20 +1,16 @@
 """Is anything wrong ever called solved? A seeded campaign over every kind of problem.
 
-The problems: `problems.fuzzed`; problem i of a set of classes comes from (seed, i)
-alone. The sets: "every" kind of QP and LCP, "general" LCPs, and those of
-`campaign_relations`, which ask in two ways: sequences, batches, derivatives. The judge:
-`campaign_judge`, by the definition. Every solver has a child process; what hangs for
---limit seconds or crashes costs that problem, and the next child goes on. The CSV
-counts outcomes for each class and seed and lists the indices of what was not right; run
-again with the same file it goes on where it stopped, also with more seeds, sets,
-solvers or problems. `problem_of` asks one of them once more.
+Problem i of a set of classes comes from (seed, i) alone (`problems.fuzzed`). The sets:
+"every" kind of QP and LCP, "general" LCPs, "values", and those of `campaign_relations`.
+What hangs or crashes costs that problem. The CSV counts outcomes for each class and
+seed and lists the indices of what was not right; run again with the same file it goes
+on where it stopped. `problem_of` asks one of them once more.
 
 nam gets the arguments in all their representations, at its default settings, with
-warnings as errors. Its peers get the convex QPs of "every" and of the first seed,
-clean, through qpsolvers with EPS as absolute tolerance
-(`qp_solvers.detecting_settings`) and their default limits; theirs is a wrong "found"
-only beyond tenfold EPS, relative to the size of the terms. quadprog gets the definite
-ones.
+warnings as errors. Its peers get the convex QPs of "every" and of the first seed (those
+with a definite P for quadprog), clean, through qpsolvers with EPS as absolute tolerance
+and their default limits; theirs is a wrong "found" only beyond tenfold EPS, relative to
+the size of the terms.
 """
 
 import argparse
