@@ -5,7 +5,7 @@ import pytest
 
 from examples.falling import FallingDiscs
 from namlcp import Status, solve_lcp
-from namlcp.scenes.friction import friction_lcp
+from namlcp.scenes.friction import Bodies, friction_lcp
 from validation.problems.general import piles
 
 SCENES = {
@@ -64,12 +64,15 @@ def test_impulses_and_motion_obey_the_law(name):
 @pytest.mark.parametrize("angle", [0.1, 0.3, 0.6])
 @pytest.mark.parametrize("mu", [0.0, 0.2, 0.5, 0.8])
 def test_block_on_a_slope(angle, mu):
-    """It sticks where tan(angle) <= mu, else it slides by the formula."""
-    scene = piles.block_on_slope(angle, mu)
+    """It sticks where tan(angle) <= mu, else it slides; a brick 2 x 1, two corners."""
+    pull = piles.STEP * np.array([[np.sin(angle), -np.cos(angle), 0.0, 0.0, 0.0, 0.0]])
+    bodies = Bodies(np.array([[0.0, 0.5, 0.0]]), np.ones(1), np.ones((1, 3)), pull)
+    corners = iter([(-1, 0, (x, 0.0, 0.0), -piles.BELOW) for x in (-1.0, 1.0)])
+    scene = piles.scene_of(bodies, corners, mu)
     A, q = friction_lcp(scene)
     z = solve_lcp(A, q).z
     expected = np.zeros(6)
-    expected[0] = piles.STEP * piles.acceleration(angle, mu)
+    expected[0] = piles.STEP * max(0.0, np.sin(angle) - mu * np.cos(angle))
     np.testing.assert_allclose(scene.velocity(z)[0], expected, atol=1e-14)
     assert z[:2].sum() == pytest.approx(piles.STEP * np.cos(angle))
 

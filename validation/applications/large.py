@@ -235,12 +235,12 @@ def plot(results: Path, figures: Path) -> None:
             look = lambda name: {  # noqa: E731
                 "color": charts.BLUE, "marker": PILES[name], "label": name,
             }  # fmt: skip
-            charts.lines(axes, own, "scene", "n", "seconds", look)
+            charts.lines(axes, own, "scene n seconds", look)
         else:
             ours = tables.chosen(own, solver="nam")
-            charts.lines(axes, ours, "solver", "n", "baseline", lambda _: dashed)
+            charts.lines(axes, ours, "solver n baseline", lambda _: dashed)
             solved = tables.chosen(own, status="solved")
-            charts.lines(axes, solved, "solver", "n", "seconds", charts.looks)
+            charts.lines(axes, solved, "solver n seconds", charts.looks)
     for axes in (grid[0, 0], grid.flat[list(PANELS).index("contact piles")]):
         axes.legend(fontsize=7.5)
     figure.supxlabel("n", fontsize=9.0)

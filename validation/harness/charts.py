@@ -4,7 +4,6 @@ Colours are Paul Tol's "bright" scheme, distinct for the colour-blind; a family 
 methods has one colour, its members differ by marker.
 """
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -77,19 +76,14 @@ def save(figure: Figure, file: Path) -> None:
 
 
 def lines(
-    axes: Axes,
-    rows: list[Row],
-    by: str,
-    across: str,
-    up: str,
-    style: Callable[[str], dict[str, Any]],
-    unit: float = 1.0,
-) -> dict[str, tuple[list[tuple[float, float]], str]]:
-    """Draw a column over another, a line for each value of the column `by`.
+    axes: Axes, rows: list[Row], columns: str, style: Any, unit: float = 1.0
+) -> dict[str, str]:
+    """Draw the last of three columns over the second, a line for each of the first.
 
     Both axes are logarithmic; rows without an entry have no point; `unit` is a factor
-    of what is drawn. Returns points and colour of each line, as `name_lines` takes it.
+    of what is drawn. Returns the colour of each line by its name.
     """
+    by, across, up = columns.split()
     axes.set(xscale="log", yscale="log")
     drawn = {}
     for name in tables.distinct(rows, by):
@@ -98,7 +92,7 @@ def lines(
         if points:
             look = {"markersize": 3.5} | style(name)
             axes.plot(*zip(*points, strict=True), **look)
-            drawn[look.get("label", name)] = points, look["color"]
+            drawn[look.get("label", name)] = look["color"]
     return drawn
 
 
@@ -113,11 +107,9 @@ def looks(solver: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def name_lines(
-    axes: Axes, lines: dict[str, tuple[list[tuple[float, float]], str]]
-) -> None:
-    """Name lines in their colours; `lines` has points and colour of each by name."""
-    handles = [Line2D([], [], color=lines[name][1], label=name) for name in lines]
+def name_lines(axes: Axes, lines: dict[str, str]) -> None:
+    """Name lines in their colours."""
+    handles = [Line2D([], [], color=colour, label=k) for k, colour in lines.items()]
     if handles:
         axes.legend(
             handles=handles, labelcolor="linecolor", fontsize=7.5, handlelength=1.0,

@@ -7,11 +7,12 @@ from pathlib import Path
 from typing import Any
 
 Row = dict[str, Any]
+Names = Sequence[str]
 
 
 @contextlib.contextmanager
 def writer(
-    path: Path, header: list[str], columns: Sequence[str], append: bool = False
+    path: Path, header: list[str], columns: Names, append: bool = False
 ) -> Iterator[Callable[[Row], None]]:
     """Yield a function that writes a row at once, below the lines of the header.
 
@@ -35,9 +36,7 @@ class Growing:
     that were there as text.
     """
 
-    def __init__(
-        self, rows: list[Row], keys: Sequence[str], write: Callable[[Row], None]
-    ) -> None:
+    def __init__(self, rows: list[Row], keys: Names, write: Any) -> None:
         self.rows, self.keys, self.write = rows, keys, write
         self.known = {self.key(row) for row in rows}
 
@@ -53,11 +52,7 @@ class Growing:
 
 @contextlib.contextmanager
 def growing(
-    path: Path,
-    header: list[str],
-    columns: Sequence[str],
-    keys: Sequence[str],
-    goes_on: bool = True,
+    path: Path, header: list[str], columns: Names, keys: Names, goes_on: bool = True
 ) -> Iterator[Growing]:
     """Yield the file with the rows that it has; goes_on=False begins it anew."""
     rows = read(path) if goes_on else []

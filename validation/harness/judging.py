@@ -1,7 +1,6 @@
 """Is an answer right? Residuals and signs, recomputed from the point."""
 
 import time
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -63,12 +62,9 @@ def judge(problem: Problem, solution: Solution, eps: float) -> dict[str, Any]:
 
 
 def timed(
-    job: Job,
-    call: Callable[[], Any],
-    judge: Callable[[Any], Row],
-    clock: Callable[[], float] = time.perf_counter,
+    job: Job, call: timing.Call, judge: Any, clock: timing.Call = time.perf_counter
 ) -> Row:
-    """Time a call and judge its first answer: the work of a child.
+    """Time a call and judge(its first answer): the work of a child.
 
     An error is a row as well, and so is what took longer than the limit.
     """

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+Call = Callable[[], Any]
 SLOW = 1.0  # [s] a first call that takes longer is not repeated
 REPEATS = 3  # calls at most, unless they are quick
 REPEAT_TIME = 0.3  # [s] of calls after which no further one begins
@@ -15,7 +16,7 @@ QUICK_TIME = 0.05  # [s] of calls at least, however many they are
 
 
 def median_time(
-    call: Callable[[], Any], clock: Callable[[], float] = time.perf_counter
+    call: Call, clock: Call = time.perf_counter
 ) -> tuple[Any, float, float]:
     """Return the first result of a call, its time and the median time of the others.
 

@@ -41,8 +41,6 @@ def answered(job: Job, scene: BoxLCP) -> Row:
 
 def requests(args: Args) -> Iterator[Row]:
     for name, scene in scenes(args.data).items():
-        if args.quick and not scene.quick:
-            continue
         lcp = scene.make()
         if not args.quick or lcp.q.size <= QUICK_SIZE:
             ask = lambda lcp=lcp: (lcp,)  # noqa: E731

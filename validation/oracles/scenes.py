@@ -18,8 +18,6 @@ from validation.problems import known_scenes as known
 from validation.problems.classics import disc_pile
 from validation.problems.known_scenes import BoxLCP
 
-QUICK_FAMILIES = ("3-D", "mesh, jumps", "biactive", "transport")
-
 
 class Known(NamedTuple):
     """A quantity, how it follows from (scene, z), its value, and how well it is known.
@@ -37,14 +35,12 @@ class Known(NamedTuple):
 class Scene(NamedTuple):
     """A scene: how to make it and what is known of it.
 
-    `unique`: z is; w = A z + q is unique for every symmetric semidefinite A. Scenes
-    that are not `quick` take more than a few seconds with some solver.
+    `unique`: z is; w = A z + q is unique for every symmetric semidefinite A.
     """
 
     make: Callable[[], BoxLCP]
     known: tuple[Known, ...] = ()
     unique: bool = True
-    quick: bool = True
 
 
 def objective(scene: BoxLCP, z: np.ndarray) -> float:
@@ -92,14 +88,14 @@ def value(number: float, decimals: int) -> Known:
     return Known("objective", objective, number, 0.5 * 10.0**-decimals)
 
 
-def ball(m: int, average: float, worst: float, quick: bool = True) -> Scene:
+def ball(m: int, average: float, worst: float) -> Scene:
     """Return the ball obstacle with its errors, known to four digits."""
     errors = (("average error", False, average), ("largest error", True, worst))
     found = tuple(
         Known(name, partial(ball_error, m=m, worst=k), error, 4e-4 * error, "Bueler")
         for name, k, error in errors
     )
-    return Scene(partial(known.ball_obstacle, m), found, quick=quick)
+    return Scene(partial(known.ball_obstacle, m), found)
 
 
 def of_data(data: Path) -> Iterator[tuple[str, Scene]]:
@@ -136,7 +132,7 @@ SCENES: dict[str, Scene] = {
         (value(-0.4180876320, 10), Known("in contact", at_bounds, 752)),
     ),
     "torsion 50 x 100": Scene(
-        lambda: known.torsion(50, 100), (value(-0.4182392134, 10),), quick=False
+        lambda: known.torsion(50, 100), (value(-0.4182392134, 10),)
     ),
     "journal bearing 8 x 12, e = 0.1": Scene(
         lambda: known.journal_bearing(8, 12, 0.1), (value(-0.1834372196, 10),)
@@ -149,9 +145,9 @@ SCENES: dict[str, Scene] = {
     ),
     "ball 17 x 17": ball(17, 2.707e-3, 1.428e-2),
     "ball 33 x 33": ball(33, 8.182e-4, 5.747e-3),
-    "ball 129 x 129": ball(129, 3.334e-5, 2.154e-4, quick=False),
+    "ball 129 x 129": ball(129, 3.334e-5, 2.154e-4),
     "forced obstacle 50 x 50": Scene(lambda: known.obstacle(50)),
-    "forced obstacle 100 x 100": Scene(lambda: known.obstacle(100), quick=False),
+    "forced obstacle 100 x 100": Scene(lambda: known.obstacle(100)),
     "dam 5 x 7": Scene(
         known.dam, (Known("largest difference", dam_error, 0.0, 1.5e-11),)
     ),
@@ -167,7 +163,7 @@ SCENES: dict[str, Scene] = {
     ),
     "wedge, 16 rows": Scene(lambda: known.nonnegative(*disc_pile(16)), unique=False),
     "full heap, 2000 contacts": Scene(
-        lambda: contact_scenes.heap(2000, sideways=True), unique=False, quick=False
+        lambda: contact_scenes.heap(2000, sideways=True), unique=False
     ),
     "input-bounded MPC": Scene(
         known.input_bounded_mpc,
@@ -177,7 +173,7 @@ SCENES: dict[str, Scene] = {
         ),
     ),
     **{
-        f"family: {name}": Scene(partial(make, 900), quick=name in QUICK_FAMILIES)
+        f"family: {name}": Scene(partial(make, 900))
         for name, make in known.FAMILIES.items()
     },
 }

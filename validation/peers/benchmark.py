@@ -25,10 +25,11 @@ infeasible
 """
 
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from qpsolvers import Problem, Solution
@@ -47,11 +48,7 @@ SEEDS = 40  # of each random family
 
 
 def measure(
-    job: Job,
-    problem_set: str,
-    name: str,
-    eps: float,
-    load: Callable[[Path, str, str], Problem] = data_sets.load,
+    job: Job, problem_set: str, name: str, eps: float, load: Any = data_sets.load
 ) -> Row:
     """Time a solver on a problem and judge its first answer: the work of a child.
 

@@ -328,7 +328,7 @@ def draw_family(axes: Axes, rows: list[Row], coloured: list[str]) -> None:
             continue
         name = "nam" if solver in OURS else solver.removeprefix("sweep ")
         style = charts.looks(name)
-        lines[style["label"]] = [], style["color"]
+        lines[style["label"]] = style["color"]
         axes.plot(across, middle, markersize=6.0 if name == "nam" else 3.5, **style)
         high = [min(h, 10.0 * y) for h, y in zip(high, middle, strict=True)]
         axes.fill_between(across, low, high, color=style["color"], alpha=0.12)

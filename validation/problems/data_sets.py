@@ -19,7 +19,6 @@ from qpsolvers import Problem
 from namlcp.cli.files import mat_problem
 from validation.harness import MissingDataError, cli, csv_files
 
-SETS = ("mpc", "contact", "small", "strict", "all")
 INFINITY = 9e19  # 1e20 in the collection, in places rounded to slightly less
 
 

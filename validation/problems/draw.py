@@ -13,27 +13,21 @@ import numpy as np
 import scipy.sparse as sp
 from qpsolvers import Problem
 
-Rng = np.random.Generator
+Array, Rng = np.ndarray, np.random.Generator
 
 
 class Known(NamedTuple):
     """A QP as P, q, G, h, A, b, lb, ub, and a primal-dual solution of it."""
 
     qp: tuple[Any, ...]
-    x: np.ndarray
-    y: np.ndarray
-    z: np.ndarray
-    z_box: np.ndarray
+    x: Array
+    y: Array
+    z: Array
+    z_box: Array
 
 
 def around(
-    P: Any,
-    G: Any,
-    A: Any,
-    point: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
-    slack: np.ndarray,
-    below: np.ndarray,
-    above: np.ndarray,
+    P: Any, G: Any, A: Any, point: Any, slack: Array, below: Array, above: Array
 ) -> Known:
     """Return the QP with these matrices that (x, y, z, z_box) solves.
 
@@ -45,14 +39,14 @@ def around(
     return Known((P, q, G, G @ x + slack, A, A @ x, x - below, x + above), *point)
 
 
-def definite(rng: Rng, n: int, condition: float) -> np.ndarray:
+def definite(rng: Rng, n: int, condition: float) -> Array:
     """Return an SPD matrix of random eigenvectors, eigenvalues 1 to 1 / condition."""
     V, _ = np.linalg.qr(rng.standard_normal((n, n)))
     A = (V * np.geomspace(1.0, 1.0 / condition, n)) @ V.T
     return 0.5 * (A + A.T)
 
 
-def pair(rng: Rng, n: int, both: float = 0.1) -> tuple[np.ndarray, np.ndarray]:
+def pair(rng: Rng, n: int, both: float = 0.1) -> tuple[Array, Array]:
     """Return complementary z and w, half of z positive, a share where both are 0."""
     kind = rng.random(n)
     z = rng.exponential(size=n) * (kind < 0.5)
@@ -61,13 +55,7 @@ def pair(rng: Rng, n: int, both: float = 0.1) -> tuple[np.ndarray, np.ndarray]:
 
 
 def planted(
-    rng: Rng,
-    P: Any,
-    G: Any,
-    A: Any,
-    active: float = 0.3,
-    weak: float = 0.0,
-    box: float = 0.5,
+    rng: Rng, P: Any, G: Any, A: Any, active: float, weak: float, box: float
 ) -> Problem:
     """Return a QP with these matrices around a random complementary point.
 
@@ -77,7 +65,7 @@ def planted(
     n, m = P.shape[0], G.shape[0]
     x, y = rng.standard_normal(n), rng.standard_normal(A.shape[0])
 
-    def multipliers(size: int) -> tuple[np.ndarray, np.ndarray]:
+    def multipliers(size: int) -> tuple[Array, Array]:
         on = rng.random(size) < active
         z = np.where(on & (rng.random(size) >= weak), rng.exponential(size=size), 0.0)
         return on, z
@@ -97,7 +85,7 @@ def planted(
 
 def definite_stack(
     rng: Rng, n: int, m: int, items: int, active: float = 0.3
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+) -> tuple[Array, Array, Array, Array]:
     """Return P, q, G, h of dense QPs with definite P, stacked along the first axis.
 
     As in `planted`, a share `active` of the rows of each holds with equality.
@@ -173,7 +161,7 @@ def repeated(rng: Rng, C: Any, density: float) -> Any:
     return sp.csc_matrix(sp.vstack([C, again]))
 
 
-def scaled(problem: Problem, D: np.ndarray, E: np.ndarray, F: np.ndarray) -> Problem:
+def scaled(problem: Problem, D: Array, E: Array, F: Array) -> Problem:
     """Return the problem for x/D, its inequalities times E, its equalities times F."""
     P, q, G, h, A, b, lb, ub = problem.unpack()
     d = sp.diags_array(D)
@@ -200,7 +188,7 @@ def rescaled(problem: Problem, rng: Rng, rows: float, columns: float) -> Problem
 def noisy(problem: Problem, rng: Rng, size: float = 1e-3) -> Problem:
     P, q, G, h, A, b, lb, ub = problem.unpack()
 
-    def factors(count: int) -> np.ndarray:
+    def factors(count: int) -> Array:
         return 1.0 + size * rng.standard_normal(count)
 
     def changed(C: Any) -> Any:

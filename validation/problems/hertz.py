@@ -53,15 +53,10 @@ def hertz(cells: int, delta: float = DELTA) -> Hertz:
     x = (np.arange(cells) - 0.5 * (cells - 1)) * h
     q = 0.5 * (x[:, None] ** 2 + x[None, :] ** 2) - delta
     force = 4.0 / 3.0 * delta**1.5
-    return Hertz(
-        A=toeplitz_operator(deflection),
-        diagonal=np.full(cells * cells, deflection[0, 0]),
-        q=q.ravel(),
-        side=h,
-        radius=radius,
-        force=force,
-        pressure=1.5 * force / (math.pi * radius**2),
-    )
+    diagonal = np.full(cells * cells, deflection[0, 0])
+    pressure = 1.5 * force / (math.pi * radius**2)
+    A = toeplitz_operator(deflection)
+    return Hertz(A, diagonal, q.ravel(), h, radius, force, pressure)
 
 
 def half_space(cells: int) -> tuple[np.ndarray, np.ndarray]:

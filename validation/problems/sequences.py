@@ -223,9 +223,7 @@ def single(build: Callable[..., Sequence], stages: int, state: np.ndarray) -> Pr
     return Problem(*(qps.by_name(problem) | next(later)).values())
 
 
-def steps(
-    loop: Loop, vectors: Callable[[np.ndarray, np.ndarray], Vectors], inputs_at: slice
-) -> Steps:
+def steps(loop: Loop, vectors: Callable[..., Vectors], inputs_at: slice) -> Steps:
     state = next(loop)
     while True:
         x = yield vectors(*state)

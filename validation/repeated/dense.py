@@ -95,9 +95,8 @@ def plot(results: Path, figures: Path) -> None:
          "variables (sparse QP, same matrices)"),
     ):  # fmt: skip
         rows = [row for row in rows if row["solver"] in DRAWN]
-        drawn = charts.lines(
-            axes, rows, "solver", across, "microseconds", charts.looks, 1e-6
-        )
+        columns = f"solver {across} microseconds"
+        drawn = charts.lines(axes, rows, columns, charts.looks, 1e-6)
         sizes = tables.distinct(rows, across)
         axes.set_xticks([float(size) for size in sizes], sizes)
         axes.minorticks_off()

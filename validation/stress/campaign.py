@@ -14,7 +14,6 @@ the size of the terms.
 """
 
 import argparse
-import collections
 import itertools
 import os
 import time
@@ -50,12 +49,9 @@ LIMIT = 5.0  # [s] a problem; the children have GRACE more
 EPS, LOOSE = 1e-6, 10.0  # of the peers; beyond LOOSE EPS "found" is wrong
 
 
-COLUMNS = (
-    "seed set solver class truth outcome count seconds slowest cases first"
-).split()
-KEY = COLUMNS[:6]
+KEY = "seed set solver class truth outcome".split()
+COLUMNS = [*KEY, *"count seconds slowest cases first".split()]
 LISTED = 40  # indices of a class and outcome in the CSV
-Key = tuple[Any, ...]
 
 
 class Part(NamedTuple):
@@ -77,21 +73,17 @@ class Tally:
 
     def __init__(self, path: Path, header: list[str]) -> None:
         self.path, self.header = path, header
-        self.rows: dict[Key, Row] = {}
-        self.done: collections.Counter[Part] = collections.Counter()
-        self.seconds: dict[Part, float] = collections.defaultdict(float)
-        for row in read(path):
-            if row["outcome"] == "done":
-                part = Part(row["seed"], row["set"], row["solver"])
-                self.done[part], self.seconds[part] = row["count"], row["seconds"]
-            else:
-                self.rows[tuple(row[name] for name in KEY)] = row
+        self.rows = {tuple(row[name] for name in KEY): row for row in read(path)}
+
+    def row(self, *key: Any) -> Row:
+        new = dict(zip(COLUMNS, (*key, 0, 0.0, 0.0, "", ""), strict=True))
+        return self.rows.setdefault(key, new)
+
+    def done(self, part: Part) -> Row:
+        return self.row(*part, "", "", "done")
 
     def add(self, part: Part, index: int, found: Row) -> None:
-        key = (*part, found["class"], found["truth"], found["outcome"])
-        row = self.rows.setdefault(
-            key, dict(zip(COLUMNS, (*key, 0, 0.0, 0.0, "", ""), strict=True))
-        )
+        row = self.row(*part, found["class"], found["truth"], found["outcome"])
         if found["outcome"] != "right" and row["count"] < LISTED:
             row["cases"] = f"{row['cases']} {index}".strip()
             row["first"] = row["first"] or " ".join(found["why"].split())[:160]
@@ -101,12 +93,7 @@ class Tally:
 
     def write(self) -> None:
         new = self.path.with_suffix(".part")
-        with csv_files.writer(new, self.header, COLUMNS) as write:
-            for part, count in self.done.items():
-                done = {"outcome": "done", "count": count}
-                write(part._asdict() | done | {"seconds": round(self.seconds[part], 3)})
-            for key in sorted(self.rows):
-                write(self.rows[key])
+        csv_files.write(new, self.header, [self.rows[key] for key in sorted(self.rows)])
         os.replace(new, self.path)
 
 
@@ -189,29 +176,32 @@ def run(args: argparse.Namespace) -> int:
         if solver != "nam" and (name, seed) != ("every", args.seeds[0]):
             continue
         part = Part(seed, name, solver)
-        if tally.done[part] < args.problems:
-            run_part(part, tally, args)
-        print(f"{part}: {tally.done[part]} problems", flush=True)
+        run_part(part, tally, args)
+        print(f"{part}: {tally.done(part)['count']} problems", flush=True)
     shown = "set class:30 truth solver outcome count first:60"
     rows = tally.rows.values()
-    tables.print_rows((row for row in rows if row["outcome"] != "right"), shown)
+    tables.print_rows(
+        (row for row in rows if row["outcome"] not in ("right", "done")), shown
+    )
     ours = (row["outcome"] for row in rows if row["solver"] == "nam")
-    return int(not {"right", "refused"}.issuperset(ours))
+    return int(not {"right", "refused", "done"}.issuperset(ours))
 
 
 def run_part(part: Part, tally: Tally, args: argparse.Namespace) -> None:
     suited = cases.DEFINITE if part.solver == "quadprog" else cases.CONVEX
+    done = tally.done(part)
+    if done["count"] >= args.problems:
+        return
     with ExitStack() as stack:
         child = Bench(work, part.solver, args.limit, part)
         stack.callback(child.stop)
         began = time.perf_counter()
-        for i in range(tally.done[part], args.problems):
+        for i in range(done["count"], args.problems):
             if part.solver == "nam" or cases.kind_of(i, part.set) in suited:
                 tally.add(part, i, asked(child, i))
             if (i + 1) % BATCH == 0 or i + 1 == args.problems:
-                tally.done[part] = i + 1
-                tally.seconds[part] += time.perf_counter() - began
-                began = time.perf_counter()
+                spent, began = time.perf_counter() - began, time.perf_counter()
+                done |= {"count": i + 1, "seconds": round(done["seconds"] + spent, 3)}
                 tally.write()
 
 

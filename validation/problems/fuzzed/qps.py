@@ -33,19 +33,14 @@ from validation.problems.fuzzed.draw import (
     symmetric,
 )
 
-INF = np.inf
+INF, Array = np.inf, np.ndarray
 Truth = tuple[QP, str]
-Cost = Callable[[Draw, int], np.ndarray]
+Cost = Callable[[Draw, int], Array]
 
 
 def planted(
-    draw: Draw,
-    P: np.ndarray,
-    G: np.ndarray,
-    A: np.ndarray,
-    weak: float = 0.1,
-    box: float = 0.6,
-) -> tuple[QP, np.ndarray]:
+    draw: Draw, P: Array, G: Array, A: Array, weak: float = 0.1, box: float = 0.6
+) -> tuple[QP, Array]:
     """Return a QP with these matrices around a random complementary point, and that.
 
     A share `box` of the variables has bounds: at one of them, between two, above or
@@ -70,7 +65,7 @@ def planted(
     return QP(P, q, G, h, A, A @ x, lb, ub), x
 
 
-def ordinary(draw: Draw, P: np.ndarray, m: int, p: int) -> Truth:
+def ordinary(draw: Draw, P: Array, m: int, p: int) -> Truth:
     n = P.shape[0]
     return planted(draw, P, draw.matrix(m, n), draw.matrix(p, n))[0], "solvable"
 
@@ -112,9 +107,7 @@ def degenerate(draw: Draw) -> Truth:
     return qp._replace(h=np.where(touch, qp.G @ x, qp.h)), "solvable"
 
 
-def dependent_rows(
-    draw: Draw, G: np.ndarray, A: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def dependent_rows(draw: Draw, G: Array, A: Array) -> tuple[Array, Array]:
     """Add multiples and sums of rows, opposite pairs and rows of zeros; m, p <= 120."""
     m, p, n = G.shape[0], A.shape[0], A.shape[1]
     if m:
@@ -164,7 +157,7 @@ def large_sparse(draw: Draw) -> Truth:
     return ordinary(draw, any_cost(draw, n), m, draw.size(0, n // 2))
 
 
-def any_solvable(draw: Draw) -> tuple[QP, np.ndarray]:
+def any_solvable(draw: Draw) -> tuple[QP, Array]:
     """Return a QP of any cost, with dependent rows or not, and its solution."""
     n, m, p = draw.sizes()
     P, G, A = any_cost(draw, n), draw.matrix(m, n), draw.matrix(p, n)
@@ -183,7 +176,7 @@ def rescaled(draw: Draw, decades: float) -> QP:
     n = q.size
     how = int(draw.rng.integers(5))
 
-    def factors(wanted: tuple[int, ...], size: int | None) -> np.ndarray:
+    def factors(wanted: tuple[int, ...], size: int | None) -> Array:
         e = decades if how in wanted else 0.0
         return draw.power(-e, e, size)
 
@@ -263,11 +256,11 @@ def empty(draw: Draw) -> Truth:
     return qp, "solvable" if holds else "infeasible"
 
 
-def more_rows(qp: QP, G: np.ndarray, h: np.ndarray) -> QP:
+def more_rows(qp: QP, G: Array, h: Array) -> QP:
     return qp._replace(G=np.vstack((G, qp.G)), h=np.append(h, qp.h))
 
 
-def contradiction(draw: Draw, qp: QP, x: np.ndarray, t: float) -> QP:
+def contradiction(draw: Draw, qp: QP, x: Array, t: float) -> QP:
     """Return the QP with three rows whose sum asks for 0 <= -t."""
     g = draw.numbers(2, x.size)
     G = np.vstack((g, -g.sum(axis=0)))
@@ -323,7 +316,7 @@ def nearly_feasible(draw: Draw) -> Truth:
     return qp, "near" if t > 1e-10 else "possible"
 
 
-def descending(draw: Draw) -> tuple[QP, np.ndarray, np.ndarray]:
+def descending(draw: Draw) -> tuple[QP, Array, Array]:
     """Return a feasible QP, a direction along which it falls, and a feasible point.
 
     The direction d has P d = 0, A d = 0, G d <= 0, q'd < 0.

@@ -16,6 +16,7 @@ STEP = 0.01  # gravity times the length of the step
 PUSH = 1.0  # standard deviation of the random velocities, in units of STEP
 BELOW = np.array([0.0, -1.0, 0.0])  # gravity in the plane; in space it is along -z
 
+Place = tuple[int, ...]
 Touch = tuple[int, int, Sequence[float], Sequence[float]]
 """A contact: first and second body, point, normal."""
 
@@ -24,14 +25,9 @@ def scene_of(
     bodies: Bodies, touches: Iterator[Touch], mu: float, directions: int = 2
 ) -> Scene:
     first, second, point, normal = zip(*touches, strict=True)
-    contacts = Contacts(
-        np.array(first),
-        np.array(second),
-        np.array(point, dtype=float),
-        np.array(normal, dtype=float),
-        np.full(len(first), mu),
-        np.zeros(len(first)),
-    )
+    ends, m = (np.array(first), np.array(second)), len(first)
+    at, normals = np.array(point, dtype=float), np.array(normal, dtype=float)
+    contacts = Contacts(*ends, at, normals, np.full(m, mu), np.zeros(m))
     return Scene(bodies, contacts, directions)
 
 
@@ -52,10 +48,7 @@ def moved(
 
 
 def lattice(
-    place: list[tuple[int, ...]],
-    centre: np.ndarray,
-    steps: Sequence[tuple[int, ...]],
-    up: np.ndarray,
+    place: list[Place], centre: np.ndarray, steps: Sequence[Place], up: np.ndarray
 ) -> Iterator[Touch]:
     """Yield the contacts of unit discs or balls, on the floor and `steps` away.
 
@@ -155,24 +148,3 @@ def column_of_cubes(
 
     bodies = moved(centre, np.full((levels, 3), 1.0 / 6.0), ratio, seed, -up)
     return scene_of(bodies, touches(), mu, directions)
-
-
-def block_on_slope(angle: float, mu: float) -> Scene:
-    """Return a resting brick 2 x 1 on a slope [rad]: known, see `acceleration`.
-
-    The axes are those of the slope. The contacts are two corners.
-    """
-    pull = STEP * np.array([np.sin(angle), -np.cos(angle), 0.0, 0.0, 0.0, 0.0])
-    bodies = Bodies(
-        np.array([[0.0, 0.5, 0.0]]), np.ones(1), np.full((1, 3), 5.0 / 12.0), pull[None]
-    )
-    corners = iter([(-1, 0, (x, 0.0, 0.0), -BELOW) for x in (-1.0, 1.0)])
-    return scene_of(bodies, corners, mu)
-
-
-def acceleration(angle: float, mu: float) -> float:
-    """Return that of `block_on_slope` over gravity: 0 where tan(angle) <= mu.
-
-    It does not tip, for mu and tan(angle) below 2, half its length over its height.
-    """
-    return max(0.0, float(np.sin(angle) - mu * np.cos(angle)))
