@@ -21,7 +21,6 @@ from validation.claims import DOCUMENTS, claims, moved, values, written
 from validation.harness import cli, quiet
 
 LOWER_ROOMS = ("harness", "problems", "applications", "derivatives")
-"""Rooms that the scripts of others import."""
 
 
 class Job(NamedTuple):

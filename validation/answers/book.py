@@ -21,7 +21,7 @@ import math
 import os
 import shutil
 from concurrent.futures import ProcessPoolExecutor
-from functools import cache
+from functools import cache, partial
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -70,10 +70,7 @@ def run(args: Any) -> dict[str, list[Row]]:
                 left = [name for name in wanted if name not in done]
                 size = max(1, min(50, len(left) // (4 * args.jobs)))
                 parts = [left[i : i + size] for i in range(0, len(left), size)]
-                work = pool.map(
-                    solved, [args.data] * len(parts), [suite] * len(parts), parts
-                )
-                for part in work:
+                for part in pool.map(partial(solved, args.data, suite), parts):
                     for row in part:
                         rows.add(row)
                 own = {row["name"]: row for row in rows.rows}
@@ -87,13 +84,13 @@ def number(row: Row, column: str) -> float:
 
 
 def difference(old: Row, new: Row) -> str:
+    """Return one of KINDS."""
     kind = plain_difference(old, new)
     judged = new["verdict"] == "right" or "(both)" in new["method"]
     return "other" if kind == "wrong" and judged else kind
 
 
 def plain_difference(old: Row, new: Row) -> str:
-    """Return one of KINDS without a look at the judge of what differs."""
     before, now = old["status"] in DECIDED, new["status"] in DECIDED
     if new["verdict"] == "wrong" != old["verdict"]:
         return "wrong"

@@ -215,7 +215,6 @@ PANELS = {
     "contact piles": "heap; heap, wide; wall",
     "Hertz, matrix-free": "hertz",
 }
-"""Titles of the panels with their scenes."""
 
 PILES = {"heap": "o", "heap, wide": "s", "wall": "^"}
 

@@ -11,7 +11,6 @@ import numpy as np
 from namlcp.qp import QP
 
 Kept = dict[str, np.ndarray]
-"""Changes of the data by their names."""
 
 
 def definite(n: int, rng: np.random.Generator) -> np.ndarray:
@@ -135,7 +134,6 @@ KINKS = {
         (flat, ("q",)),  # with other h x may not be unique
     )
 }
-"""The families, each with the data to be changed ("qh" means both)."""
 
 
 def contradictory(

@@ -49,7 +49,6 @@ class Data(NamedTuple):
 
 
 Pass = tuple[Callable[[], Any], Callable[[Any], tuple[Any, ...]]]
-"""A solve, and what returns the gradients in P, q, G and h from what it returned."""
 
 
 def dense_case(n: int, seed: int = 0) -> Data:
@@ -230,7 +229,6 @@ def best_times(both: Pass, seconds: float = 1.0) -> tuple[Row, Any]:
 
 
 MAKERS = {"nam": nam, "proxqp": proxqp, "qpth": qpth, "diffcp": diffcp, "dqp": dqp}
-"""The packages by name; dQP's construction is written here."""
 
 
 def qp_row(solver: str, data: Data) -> Row:
@@ -290,7 +288,6 @@ CASES = {
     "band": ("nam", "dqp"),  # the others take no sparse matrices, or need minutes
     "obstacle": ("nam",),
 }
-"""The cases, and the packages that have them."""
 
 
 def work(job: Job, case: str, quick: bool) -> Row:

@@ -42,7 +42,6 @@ WARM_UP = 10  # unknowns of a problem before the clock runs
 LATE = frozenset({"timeout", "time_limit"})
 EPS = 1e-9  # times max |q_i|
 Answer = tuple[str, np.ndarray | None]
-"""What a solver says, and z."""
 
 
 def make(family: str, n: int, seed: int) -> families.Problem:

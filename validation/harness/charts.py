@@ -33,7 +33,6 @@ METHODS = {
     "modulus": (DARK, "o"),
     "lemke": (RED, "P"),
 }
-"""Colour and marker of the sweep methods that are drawn, and of Lemke's."""
 
 SOLVERS = {
     "nam": (BLUE, "o"),
@@ -45,7 +44,6 @@ SOLVERS = {
     "quadprog": (BLACK, "<"),
     "qtqp": (TEAL, "p"),
 }
-"""Colour and marker of every solver."""
 
 mpl.rcParams.update(
     {

@@ -21,7 +21,6 @@ USUAL: dict[str, dict[str, Any]] = {
     "results": {"type": Path, "default": RESULTS, "help": "folder of CSV files"},
     "figures": {"type": Path, "default": FIGURES, "help": "folder of figures"},
 }
-"""The usual options, each with what argparse is told of it."""
 
 
 class MissingDataError(Exception):

@@ -15,7 +15,6 @@ from validation.harness import quiet
 
 PACKAGES = {"nam": "namlcp", "proxqp": "proxsuite"}
 THREADS = ("OMP", "OPENBLAS", "MKL", "NUMEXPR", "RAYON")
-"""Libraries whose threads an environment variable limits."""
 
 
 def lines(solvers: Iterable[str]) -> list[str]:

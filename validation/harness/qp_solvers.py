@@ -56,7 +56,6 @@ DETECTION: dict[str, dict[str, Any]] = {
     "osqp": {"eps_prim_inf": 1e-6, "eps_dual_inf": 1e-6, "max_iter": 20_000},
     "piqp": {"max_iter": 1000},
 }
-"""What `detecting_settings` changes, by solver."""
 
 
 def detecting_settings(solver: str, eps: float, limit: float) -> dict[str, Any]:

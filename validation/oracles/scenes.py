@@ -177,4 +177,3 @@ SCENES: dict[str, Scene] = {
         for name, make in known.FAMILIES.items()
     },
 }
-"""Every scene that needs no data."""

@@ -54,40 +54,8 @@ def scenes(data: Path) -> dict[str, known_scenes.BoxLCP]:
     return found | {"SVM heart": known_scenes.svm_rbf(X, y, 1.0 / 13.0)}
 
 
-class Run:
-    """A scene with its start and its stop."""
-
-    def __init__(self, scene: known_scenes.BoxLCP, is_example: bool) -> None:
-        A, q, lower, upper = scene
-        self.lcp = LCP(Prepared(A), q, lower, upper)
-        self.D = np.array(A.diagonal())
-        zero = np.clip(np.zeros_like(q), lower, upper)
-        self.start = sweep_scenes.paper_start(M) if is_example else zero
-        self.eps = EPS_REL * natural_residual(zero, A @ zero + q, lower, upper)
-
-    def sweeps(self, step: Step | None, cap: int) -> float:
-        if step is None:
-            return math.inf
-        limits = Limits(self.eps, max_iter=cap)
-        status, _, k = iterate(self.lcp, step, self.start, limits)
-        return k if status is Status.SOLVED else math.inf
-
-    def step(self, method: str, alpha: float | None, c: float) -> Step | None:
-        chosen = SWEEPS[method]
-        if chosen.factored:
-            size = self.D if alpha is None else math.exp(np.mean(np.log(self.D)))
-            omega = np.full_like(self.D, c * size)
-            given = Parameters(omega=omega, shift=self.D if chosen.own else None)
-            return step_of(self.lcp, method, given)
-        omega = c * self.D if "omega" in chosen.takes else None
-        return step_of(self.lcp, method, Parameters(alpha, beta_of(method), omega))
-
-
-def beta_of(method: str) -> float | None:
-    return BETA if "beta" in SWEEPS[method].takes else None
-
-
 def points(method: str) -> Iterator[tuple[float | None, float]]:
+    """Yield (alpha, c), from the middle of the grid outwards."""
     takes = SWEEPS[method].takes
     alphas: tuple[float | None, ...] = ALPHAS if "alpha" in takes else (None,)
     cs = CS if "omega" in takes else (math.nan,)
@@ -99,32 +67,50 @@ def points(method: str) -> Iterator[tuple[float | None, float]]:
 
 
 def compare(_: Job, scene: known_scenes.BoxLCP, is_example: bool, method: str) -> Row:
-    run, chosen = Run(scene, is_example), SWEEPS[method]
+    A, q, lower, upper = scene
+    lcp, D, chosen = LCP(Prepared(A), q, lower, upper), A.diagonal(), SWEEPS[method]
+    zero = np.clip(np.zeros_like(q), lower, upper)
+    start = sweep_scenes.paper_start(M) if is_example else zero
+    eps = EPS_REL * natural_residual(zero, A @ zero + q, lower, upper)
     cap = FACTORED_CAP if chosen.factored else CAP
+    beta = BETA if "beta" in chosen.takes else None
+
+    def sweeps(step: Step | None, most: int) -> float:
+        """Return the sweeps to the tolerance, inf if there are more."""
+        if step is None:
+            return math.inf
+        status, _, k = iterate(lcp, step, start, Limits(eps, max_iter=most))
+        return k if status is Status.SOLVED else math.inf
+
+    def step_at(alpha: float | None, c: float) -> Step | None:
+        if chosen.factored:
+            size = D if alpha is None else math.exp(np.mean(np.log(D)))
+            omega = np.full_like(D, c * size)
+            given = Parameters(omega=omega, shift=D if chosen.own else None)
+        else:
+            omega = c * D if "omega" in chosen.takes else None
+            given = Parameters(alpha, beta, omega)
+        return step_of(lcp, method, given)
+
     best, where = math.inf, (None, math.nan)
     for point in points(method):
-        limit = int(min(cap, best - 1))
-        count = run.sweeps(run.step(method, *point), limit)
+        count = sweeps(step_at(*point), int(min(cap, best - 1)))
         if count < best:
             best, where = count, point
     alpha = "auto" if "alpha" in chosen.takes else None
     fixed = "omega" not in chosen.takes or method == "modified-nam"
-    given = Parameters(alpha, beta_of(method), None if fixed else "auto")
-    step = AdaptiveStep(run.lcp, method, given)
-    auto, products = run.sweeps(step, cap), step.products
-    row: Row = {"n": scene.q.size}
-    row |= {"grid_alpha": where[0], "grid_c": where[1], "grid_sweeps": shown(best)}
-    row |= {"auto_alpha": step.alpha if alpha else None}
-    row |= {"auto_c": float(np.mean(step.omega / run.D)), "auto_sweeps": shown(auto)}
-    row |= {"products": products, "ratio": math.nan, "ratio_with_products": math.nan}
+    step = AdaptiveStep(lcp, method, Parameters(alpha, beta, None if fixed else "auto"))
+    auto, products = sweeps(step, cap), step.products
+    counts = ("none" if k == math.inf else k for k in (best, auto))
+    row: Row = dict(zip(("grid_sweeps", "auto_sweeps"), counts, strict=True))
+    row |= {"n": q.size, "grid_alpha": where[0], "grid_c": where[1]}
+    row |= {"auto_alpha": step.alpha if alpha else None, "products": products}
+    row |= {"auto_c": float(np.mean(step.omega / D)), "ratio": math.nan}
+    row["ratio_with_products"] = math.nan
     if best < math.inf:
         row["ratio"] = auto / best
         row["ratio_with_products"] = (auto + 0.5 * products) / best
     return row | {"within": best == math.inf or row["ratio"] <= WANTED}
-
-
-def shown(sweeps: float) -> float | str:
-    return "none" if sweeps == math.inf else sweeps
 
 
 def requests(args: Args) -> Iterator[Row]:

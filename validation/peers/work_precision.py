@@ -261,7 +261,6 @@ NAMED = 2  # others than ours that are named, the fastest
 RANKED_AT = 1e-8  # requested tolerance at which they are ranked by time
 LEAST_ERROR, MOST_ERROR = 3e-17, 1.0  # ends of the horizontal axes
 NAMED_SWEEPS = ("sweep pgs", "sweep namsor", "sweep modulus", "sweep lemke")
-"""The methods that are named on the paper's LCPs."""
 
 
 def summary(file: Path) -> list[Row]:

@@ -92,7 +92,6 @@ STORED = {
     "MPC": ("mpc", "LIPMWALK0 LIPMWALK14 WHLIPBAL0 WHLIPBAL14"),
     "general QP": ("all", "HS118 DUAL4 QPCBLEND CVXQP1_M MOSARQP1 LISWET1 AUG2DCQP"),
 }
-"""What the data folder adds to a family: the set and the names."""
 
 
 def families(data: Path | None) -> dict[str, Family]:

@@ -288,7 +288,6 @@ CHANGES: dict[str, Callable[[Problem], tuple[Problem | None, str | None]]] = {
     "sums": lambda base: (add_sums(base, 1e-4), "infeasible"),
     "digits": lambda base: (add_sums(base, 1e-8), "feasible"),
 }
-"""From a problem of the collection to the changed one, and what is true of that."""
 
 
 # ---- small ones: what they are made of, without P = I, q = 0 and what there is not

@@ -390,4 +390,3 @@ FAMILIES: dict[str, Callable[[int], BoxLCP]] = {
     "convection 20": lambda n: convection(side(n), 20.0),
     "convection 200": lambda n: convection(side(n), 200.0),
 }
-"""Scenes by name, of about n unknowns."""

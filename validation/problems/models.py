@@ -16,9 +16,7 @@ import scipy.sparse as sp
 Rng = np.random.Generator
 square = cp.sum_squares
 Terms = tuple[Any, ...]
-"""The cost, and constraints."""
 Data = tuple[Any, np.ndarray]
-"""X and y."""
 
 
 class Model(NamedTuple):
@@ -184,7 +182,6 @@ FITS: dict[str, Fit] = {
         partial(regression, noise=0.0), (10, 40), (200, 1000),
     ),
 }  # fmt: skip
-"""The terms, the data, and samples and unknowns."""
 
 
 def fit(terms: Callable[..., Terms], data: Any, m: int, n: int) -> cp.Problem:

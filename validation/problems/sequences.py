@@ -46,7 +46,6 @@ from validation.harness import qps
 from validation.problems.contact_scenes import heap_of_discs
 
 LEVELS = ("stays", "moves a little", "moves a lot")
-"""What the active set does between steps."""
 
 Vectors = dict[str, np.ndarray]
 """New values of some of q, h, b, lb and ub."""
@@ -73,7 +72,6 @@ class Scene(NamedTuple):
 
 
 State = tuple[np.ndarray, np.ndarray]
-"""The measured and the wanted state."""
 
 Loop = Generator[State, np.ndarray | None, None]
 """Yields the states of a closed loop, and receives the inputs."""

@@ -40,7 +40,6 @@ LENGTHS = 1e-2, 1e-4, 1e-6  # by which x moves for it: x is piecewise linear, an
 Verdict = tuple[str, str]
 """The outcome, and why it is not right."""
 Check = Callable[[int, int], Verdict]
-"""check(seed, number) examines one problem."""
 RIGHT = "right", ""
 
 

@@ -23,7 +23,6 @@ from validation.problems.general import games, piles
 MU = (0.2, 0.5, 0.9)  # in turn, by the seed
 
 Problem = tuple[Any, np.ndarray]
-"""A and q."""
 
 
 def planted(rng: np.random.Generator, A: np.ndarray) -> Problem:
