@@ -203,9 +203,6 @@ def timed(_: Job, name: str, size: int) -> Row:
 
 SUITE = Suite(
     name="american-put",
-    requests=lambda args: (
-        {"put": name, "nodes": 400 if args.quick else 4000} for name in PUTS
-    ),
-    work=timed,
+    requests=lambda args: ({"put": name, "nodes": 4000} for name in PUTS), work=timed,
     columns="put nodes | steps price error us_a_step us_kept ratio",
-)
+)  # fmt: skip

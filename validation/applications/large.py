@@ -45,7 +45,6 @@ FORCED_SIZES = (10_000, 40_000, 90_000, 100_000, 1_000_000, 4_000_000)
 PILE_SIZES = (1_000, 10_000, 100_000)
 HERTZ_SIZES = (64**2, 128**2, 256**2, 512**2)  # 1024**2 takes minutes: `hertz`
 PEER_SIZES = (10_000, 40_000, 90_000, 1_000_000)
-QUICK = 100_000  # unknowns at most of a quick run
 WARM_UP = 12_000  # unknowns of the scene that loads what is compiled
 EPS = 1e-9  # Res that is asked of us
 PEER_EPS = 1e-8  # absolute, that is asked of the others
@@ -193,9 +192,8 @@ def peer_row(job: Job, name: str, n: int) -> Row:
 
 
 def requests(args: Args) -> Iterator[Row]:
-    most = QUICK if args.quick else max(FORCED_SIZES)
     for name, entry in SCENES.items():
-        for n in (n for n in entry.sizes if n <= most):
+        for n in entry.sizes:
             peers = name == "forced" and n in PEER_SIZES
             for solver in args.solvers if peers else ["nam"]:
                 yield {"scene": name, "size": n, "n": n, "solver": solver}
@@ -248,17 +246,12 @@ def plot(results: Path, figures: Path) -> None:
 
 
 SUITE = Suite(
-    name="large",
-    requests=requests,
-    work=work,
+    name="large", requests=requests, work=work,
     columns=(
         "scene size solver | n nnz method status iterations seconds residual baseline "
         "ratio memory"
     ),
-    solvers=("nam", "osqp", "piqp", "clarabel"),
-    limit=LIMIT,
-    peer_limit=PEER_LIMIT,
-    late=Late(by="size", same=("scene",), copied=False, words=FAILED),
-    alone=True,
+    solvers=("nam", "osqp", "piqp", "clarabel"), limit=LIMIT, peer_limit=PEER_LIMIT,
+    late=Late(by="size", same=("scene",), copied=False, words=FAILED), alone=True,
     plot=plot,
-)
+)  # fmt: skip

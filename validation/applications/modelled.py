@@ -43,7 +43,6 @@ SOLVERS: dict[str, tuple[str, dict[str, Any]]] = {
 REFERENCE = "reference"
 ACCURATE = 1e-7  # what residuals and objective must reach to count as a success
 ERRORS = ["primal_residual", "dual_residual", "complementarity"]
-QUICK = 10  # every so many models, small
 STEPS = 101  # the first compiles and is not counted
 
 
@@ -153,10 +152,9 @@ def conclude(rows: list[Row]) -> list[Row]:
 
 
 def of_models(args: Args) -> Iterator[Row]:
-    for size in ("small",) if args.quick else ("small", "large"):
-        for name in list(models.MODELS)[:: QUICK if args.quick else 1]:
-            expected = models.MODELS[name].expected
-            yield {"set": size, "problem": name, "expected": expected}
+    for size in ("small", "large"):
+        for name, model in models.MODELS.items():
+            yield {"set": size, "problem": name, "expected": model.expected}
 
 
 # ---- problems with Parameters
@@ -270,34 +268,28 @@ def conclude_steps(rows: list[Row]) -> list[Row]:
 
 SUITES = {
     "models": Suite(
-        name="cvxpy-models",
-        requests=of_models,
-        work=work,
-        conclude=conclude,
+        name="cvxpy-models", requests=of_models, work=work, conclude=conclude,
         columns=(
             "set problem solver | variables equalities inequalities runtime cold "
             "status expected success objective objective_error against primal_residual "
             "dual_residual complementarity iterations"
         ),
-        solvers=("nam", "osqp", "clarabel", REFERENCE),
-        packages={REFERENCE: "cvxpy"},
+        solvers=("nam", "osqp", "clarabel", REFERENCE), packages={REFERENCE: "cvxpy"},
         limit=60.0,
     ),
     "steps": Suite(
         name="cvxpy-resolve",
         requests=lambda args: (
             {"set": size, "problem": name}
-            for size in (("small",) if args.quick else ("small", "medium"))
+            for size in ("small", "medium")
             for name in SEQUENCES
         ),
-        work=work_steps,
-        conclude=conclude_steps,
+        work=work_steps, conclude=conclude_steps,
         columns=(
             "set problem solver | steps optimal total solver_time primal_residual "
             "dual_residual complementarity objective_error"
         ),
-        solvers=("nam", "osqp", REFERENCE),
-        packages={REFERENCE: "clarabel"},
+        solvers=("nam", "osqp", REFERENCE), packages={REFERENCE: "clarabel"},
         limit=120.0,
     ),
-}
+}  # fmt: skip

@@ -209,4 +209,4 @@ def requests(args: Args) -> Iterator[Row]:
 
 SUITE = Suite(
     name="closest", requests=requests, work=work, columns=COLUMNS, limit=600.0
-)
+)  # fmt: skip

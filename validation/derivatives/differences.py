@@ -249,9 +249,6 @@ def requests(args: Args) -> Iterator[Row]:
 
 
 SUITE = Suite(
-    name="derivatives",
-    requests=requests,
-    work=work,
-    columns="family data | problems error adjoint right",
-    limit=600.0,
-)
+    name="derivatives", requests=requests, work=work,
+    columns="family data | problems error adjoint right", limit=600.0,
+)  # fmt: skip

@@ -310,11 +310,7 @@ def requests(args: Args) -> Iterator[Row]:
 
 
 SUITE = Suite(
-    name="derivatives-peers",
-    requests=requests,
-    work=work,
-    columns="case solver | solve backward error ratio linear",
-    solvers=tuple(MAKERS),
-    packages={"qpth": "qpth", "diffcp": "diffcp", "dqp": "daqp"},
-    limit=600.0,
-)
+    name="derivatives-peers", requests=requests, work=work,
+    columns="case solver | solve backward error ratio linear", solvers=tuple(MAKERS),
+    packages={"qpth": "qpth", "diffcp": "diffcp", "dqp": "daqp"}, limit=600.0,
+)  # fmt: skip

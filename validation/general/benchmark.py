@@ -149,13 +149,9 @@ def conclude(rows: list[Row]) -> list[Row]:
 
 SUITES = {
     "families": Suite(
-        name="general-lcps",
-        requests=requests,
-        work=work,
-        complete=complete,
+        name="general-lcps", requests=requests, work=work, complete=complete,
         columns="family n seed solver | order success said residual runtime",
-        solvers=tuple(ASK),
-        packages={"lemke": "namlcp", "quantecon": "quantecon"},
+        solvers=tuple(ASK), packages={"lemke": "namlcp", "quantecon": "quantecon"},
         late=Late(by="n", same=("family",), copied=False, times=LATES, words=LATE),
     ),
     "steps": Suite(
@@ -165,9 +161,8 @@ SUITES = {
             for count in (FEW_DISCS if args.quick else COUNTS)
             for start in STARTS
         ),
-        work=fall,
-        conclude=conclude,
+        work=fall, conclude=conclude,
         columns="discs start | step n status method residual seconds energy overlap",
         limit=600.0,
     ),
-}
+}  # fmt: skip

@@ -57,12 +57,10 @@ def tiny_problems(problem: Problem) -> Iterator[Problem]:
 
 
 def sparse(problem: Problem) -> Problem:
-    P, q, G, h, A, b, lb, ub = problem.unpack()
-    P, G, A = (None if C is None else sp.csc_matrix(C) for C in (P, G, A))
-    return Problem(P, q, G, h, A, b, lb, ub)
+    arrays = problem.unpack()
+    return Problem(*(sp.csc_matrix(v) if np.ndim(v) == 2 else v for v in arrays))
 
 
 def filled(problem: Problem) -> Problem:
-    P, q, G, h, A, b, lb, ub = problem.unpack()
-    P, G, A = (C.toarray() if sp.issparse(C) else C for C in (P, G, A))
-    return Problem(P, q, G, h, A, b, lb, ub)
+    arrays = problem.unpack()
+    return Problem(*(v.toarray() if sp.issparse(v) else v for v in arrays))

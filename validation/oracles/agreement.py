@@ -133,16 +133,12 @@ def reason(row: Row, found: dict[str, Answer], residuals: dict[str, float]) -> s
 
 
 SUITE = Suite(
-    name="oracles",
-    requests=requests,
-    work=answered,
-    conclude=conclude,
+    name="oracles", requests=requests, work=answered, conclude=conclude,
     columns=(
         "scene solver | n quantity value reference source error tolerance agrees "
         "residual why"
     ),
     solvers=tuple(ORACLES),
-    packages={solver: package for solver, (package, _) in ORACLES.items()},
-    limit=60.0,
+    packages={solver: package for solver, (package, _) in ORACLES.items()}, limit=60.0,
     quick={"limit": 3.0},
-)
+)  # fmt: skip

@@ -121,13 +121,10 @@ def requests(args: Args) -> Iterator[Row]:
 
 
 SUITE = Suite(
-    name="parameters",
-    requests=requests,
-    work=compare,
+    name="parameters", requests=requests, work=compare,
     columns=(
         "scene method | n grid_alpha grid_c grid_sweeps auto_alpha auto_c auto_sweeps "
         "products ratio ratio_with_products within"
     ),
-    limit=3600.0,
-    needs_data=True,
-)
+    limit=3600.0, needs_data=True,
+)  # fmt: skip

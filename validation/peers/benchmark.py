@@ -89,20 +89,20 @@ def measure_changed(job: Job, kind: str, name: str, eps: float) -> Row:
 
 def of_sets(args: Args) -> Iterator[Row]:
     for problem_set in SETS:
-        names = data_sets.set_names(args.data, problem_set)[:: 4 if args.quick else 1]
+        names = data_sets.set_names(args.data, problem_set)
         for eps, name in product(sorted(args.eps, reverse=True), names):
             yield {"set": problem_set, "problem": name, "eps": eps}
 
 
 def of_collection(args: Args) -> Iterator[Row]:
-    names = data_sets.set_names(args.data, "all")[:: 10 if args.quick else 1]
+    names = data_sets.set_names(args.data, "all")
     for eps, name in product(sorted(args.eps, reverse=True), names):
         yield {"limit": args.limit, "set": "all", "problem": name, "eps": eps}
 
 
 def of_classes(args: Args) -> Iterator[Row]:
     for name, own in osqp_classes.CLASSES.items():
-        for size in own.sizes[: 2 if args.quick else None]:
+        for size in own.sizes:
             for eps in args.eps:
                 yield {"set": name, "problem": str(size), "eps": eps}
 
@@ -115,7 +115,7 @@ def measure_class(job: Job, name: str, size: str, eps: float) -> Row:
 
 
 def of_kinds(kinds: Iterable[str], names: Iterable[str], args: Args) -> Iterator[Row]:
-    chosen = list(names)[:: 10 if args.quick else 1]
+    chosen = list(names)
     for kind, solver, eps in product(kinds, args.solvers, args.eps):
         for name in chosen:
             yield {"set": kind, "problem": name, "solver": solver, "eps": eps}
@@ -146,7 +146,7 @@ def said_of(job: Job, problem: Problem, eps: float) -> Row:
 
 
 def of_infeasible(args: Args) -> Iterator[Row]:
-    makers = infeasible_cases.all_cases(args.data, 40 if args.quick else 3)
+    makers = infeasible_cases.all_cases(args.data, 3)
     found = {name: case for name, make in makers.items() if (case := make())}
     for solver in args.solvers:
         for name, case in found.items():
@@ -163,65 +163,45 @@ def complete(row: Row) -> Row:
 
 
 SUITE = Suite(
-    name="benchmark",
-    requests=of_sets,
-    work=measure,
-    columns=COLUMNS,
+    name="benchmark", requests=of_sets, work=measure, columns=COLUMNS,
     solvers=("nam", "piqp", "daqp", "clarabel", "osqp", "qtqp"),
-    tolerances=(1e-6, 1e-9),
-    late=Late(),
-    needs_data=True,
-)
+    tolerances=(1e-6, 1e-9), late=Late(), needs_data=True,
+)  # fmt: skip
 FAMILIES = replace(
-    SUITE,
-    name="generalisation-families",
+    SUITE, name="generalisation-families",
     requests=lambda args: of_kinds(draw.FAMILIES, map(str, range(SEEDS)), args),
-    work=measure_changed,
-    solvers=("nam", "piqp", "clarabel"),
-    tolerances=(1e-6,),
+    work=measure_changed, solvers=("nam", "piqp", "clarabel"), tolerances=(1e-6,),
     needs_data=False,
-)
+)  # fmt: skip
 SUITES = {
     "sets": SUITE,
     "maros-meszaros": replace(
-        SUITE,
-        name="maros-meszaros",
-        requests=of_collection,
+        SUITE, name="maros-meszaros", requests=of_collection,
         columns=f"{COLUMNS} limit",
         solvers=("nam", "piqp", "clarabel", "proxqp", "osqp"),
         tolerances=(1e-3, 1e-6, 1e-9),
     ),
     "classes": replace(
-        SUITE,
-        name="classes",
-        requests=of_classes,
-        work=measure_class,
+        SUITE, name="classes", requests=of_classes, work=measure_class,
         columns=f"{COLUMNS} variables entries",
         solvers=tuple("nam piqp clarabel osqp proxqp qtqp".split()),
-        tolerances=(1e-6,),
-        late=Late(by="problem", same=("set",)),
-        beside=True,
+        tolerances=(1e-6,), late=Late(by="problem", same=("set",)), beside=True,
         needs_data=False,
     ),
     "families": FAMILIES,
     "changes": replace(
-        FAMILIES,
-        name="generalisation",
+        FAMILIES, name="generalisation",
         requests=lambda args: of_kinds(
             draw.CHANGES, data_sets.set_names(args.data, "all"), args
         ),
         needs_data=True,
     ),
     "infeasible": Suite(
-        name="infeasible",
-        requests=of_infeasible,
-        work=said_of,
-        complete=complete,
+        name="infeasible", requests=of_infeasible, work=said_of, complete=complete,
         columns=(
             "problem solver | group truth eps variables outcome verdict runtime cold "
             "status"
         ),
-        solvers=("nam", "osqp", "piqp", "clarabel"),
-        limit=5.0,
+        solvers=("nam", "osqp", "piqp", "clarabel"), limit=5.0,
     ),
-}
+}  # fmt: skip

@@ -81,8 +81,6 @@ def work(_: Job, path: str) -> Row:
 
 
 SUITE = Suite(
-    name="first-call",
-    requests=lambda args: ({"path": path} for path in PATHS),
-    work=work,
-    columns="path | import solve",
-)
+    name="first-call", requests=lambda args: ({"path": path} for path in PATHS),
+    work=work, columns="path | import solve",
+)  # fmt: skip

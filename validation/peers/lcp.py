@@ -53,8 +53,8 @@ def contact(job: Job, name: str) -> Row:
     return {"n": q.size, "runtime": runtime, "relative_residual": residual}
 
 
-def example1(job: Job, side: int) -> Row:
-    small, scene = (sweep_scenes.paper_example(1, m) for m in (10, side))
+def example1(job: Job) -> Row:
+    small, scene = (sweep_scenes.paper_example(1, m) for m in (10, 1000))
     solved(job, small.A, small.q)
     A, q, times = scene.A, scene.q, []
     given = {"eps_abs": 1e-10}
@@ -96,33 +96,22 @@ SUITES = {
     "contact": Suite(
         name="contact",
         requests=lambda args: (
-            {"scene": name}
-            for name in data_sets.set_names(args.data, "contact")[
-                :: 4 if args.quick else 1
-            ]
+            {"scene": name} for name in data_sets.set_names(args.data, "contact")
         ),
-        work=contact,
-        columns="scene solver | n runtime relative_residual",
-        solvers=("nam", "piqp"),
-        needs_data=True,
+        work=contact, columns="scene solver | n runtime relative_residual",
+        solvers=("nam", "piqp"), needs_data=True,
     ),
     "example1": Suite(
-        name="example1",
-        requests=lambda args: [{"ask": lambda: (100 if args.quick else 1000,)}],
-        work=example1,
-        columns="solver | runtime residual memory",
-        solvers=tuple(REPEATS),
+        name="example1", requests=lambda args: [{}], work=example1,
+        columns="solver | runtime residual memory", solvers=tuple(REPEATS),
         limit=600.0,
     ),
     "hertz": Suite(
-        name="hertz",
-        requests=lambda args: (
-            {"cells": cells} for cells in CELLS[: 2 if args.quick else None]
-        ),
+        name="hertz", requests=lambda args: ({"cells": cells} for cells in CELLS),
         work=without_matrix,
         columns=(
             "cells | status products seconds residual radius_error force_error "
             "pressure_error"
         ),
     ),
-}
+}  # fmt: skip

@@ -339,17 +339,11 @@ def draw_family(axes: Axes, rows: list[Row], coloured: list[str]) -> None:
 
 
 SUITE = Suite(
-    name="work-precision-problems",
-    requests=requests,
-    work=measure,
-    complete=complete,
+    name="work-precision-problems", requests=requests, work=measure, complete=complete,
     columns="family problem solver eps | n runtime residual error missed status",
     solvers=tuple("nam piqp proxqp daqp quadprog clarabel osqp qtqp".split()),
-    tolerances=tuple(10.0**-k for k in range(2, 13, 2)),
-    limit=5.0,
+    tolerances=tuple(10.0**-k for k in range(2, 13, 2)), limit=5.0,
     quick={"eps": (1e-3, 1e-6, 1e-9), "limit": 2.0},
-    late=Late(same=("family", "problem")),
-    beside=True,
-    success=lambda row: str(row["missed"]) == "False",
-    plot=plot,
-)
+    late=Late(same=("family", "problem")), beside=True,
+    success=lambda row: str(row["missed"]) == "False", plot=plot,
+)  # fmt: skip

@@ -231,18 +231,16 @@ def add_variables(problem: Problem, count: int) -> Problem:
     P, q, G, h, A, b, lb, ub = qps.parts(problem)
     pair = count == 2
     P = sp.block_diag([P, sp.csc_matrix((count, count))]).tocsc()
-    columns = []
+    wider = []
     for M in (G, A):
         column = sp.csc_matrix((M.shape[0], 1))
         if pair and M.shape[0]:
             column = sp.csc_matrix(M.mean(axis=1).reshape(-1, 1))
-        columns.append(sp.hstack([M, *([column, -column] if pair else [column])]))
-    cost = [1.0, -2.0] if pair else [-1.0]
-    lowest = [0.0, 0.0] if pair else [-np.inf]
-    return qps.joined(
-        P, np.append(q, cost), columns[0].tocsc(), h, columns[1].tocsc(), b,
-        np.append(lb, lowest), np.append(ub, np.full(count, np.inf)),
-    )  # fmt: skip
+        wider.append(sp.hstack([M, *[column, -column][:count]]).tocsc())
+    q = np.append(q, [1.0, -2.0] if pair else [-1.0])
+    lb = np.append(lb, [0.0, 0.0] if pair else [-np.inf])
+    ub = np.append(ub, np.full(count, np.inf))
+    return qps.joined(P, q, wider[0], h, wider[1], b, lb, ub)
 
 
 def is_feasible(problem: Problem) -> bool | None:

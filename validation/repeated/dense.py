@@ -167,17 +167,12 @@ SUITES = {
         work=latency,
         columns="n solver eps | microseconds solved problems residual status",
         solvers=tuple("nam piqp daqp proxqp clarabel osqp quadprog".split()),
-        tolerances=(1e-6,),
-        limit=20.0,
-        late=Late(by="n", same=(), copied=False),
+        tolerances=(1e-6,), limit=20.0, late=Late(by="n", same=(), copied=False),
         plot=plot,
     ),
     "batches": Suite(
-        name="batches",
-        requests=of_batches,
-        work=batch,
+        name="batches", requests=of_batches, work=batch,
         columns="n m items threads solver | microseconds throughput solved residual",
-        solvers=("nam", "daqp"),
-        limit=120.0,
+        solvers=("nam", "daqp"), limit=120.0,
     ),
-}
+}  # fmt: skip

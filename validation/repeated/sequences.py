@@ -109,14 +109,10 @@ def requests(args: Args) -> Iterator[Row]:
 
 
 SUITE = Suite(
-    name="sequences",
-    requests=requests,
-    work=replayed,
+    name="sequences", requests=requests, work=replayed,
     columns=(
         "scene size level solver | variables inequalities equalities steps solved "
         "microseconds residual difference status"
     ),
-    solvers=tuple(WORKSPACES),
-    tolerances=(1e-9,),
-    limit=30.0,
-)
+    solvers=tuple(WORKSPACES), tolerances=(1e-9,), limit=30.0,
+)  # fmt: skip

@@ -52,11 +52,7 @@ def snapshot(arguments: dict[str, Any]) -> list[bytes]:
     return found
 
 
-SAID = {
-    "solved": "solved",
-    "primal_infeasible": "infeasible",
-    "dual_infeasible": "unbounded",
-}
+SAID = {"primal_infeasible": "infeasible", "dual_infeasible": "unbounded"}
 
 
 def ask_nam(case: cases.Case) -> tuple[Answer, Any]:
@@ -83,7 +79,8 @@ def ask_nam(case: cases.Case) -> tuple[Answer, Any]:
 def qp_answer(result: Any) -> Answer:
     said = result.status.value
     arrays = result.x, result.y, result.z, result.z_box
-    return Answer(SAID.get(said, "refused"), *arrays, said)
+    word = SAID.get(said, "solved" if said == "solved" else "refused")
+    return Answer(word, *arrays, said)
 
 
 def lcp_answer(result: Any) -> Answer:
