@@ -17,6 +17,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterator
 from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -33,20 +34,18 @@ from validation.peers import benchmark
 from validation.problems import data_sets, infeasible_cases, osqp_classes, sweep_scenes
 from validation.problems.fuzzed import cases
 from validation.problems.general import games
+from validation.problems.general.families import FRICTION
 from validation.stress import campaign, campaign_relations
 from validation.stress.campaign_answers import ask_nam
 
 SEED = 31
 LIMIT = 60.0  # [s] a problem
-FAMILIES = {
-    "friction": (("pile", "wall", "chain", "balls", "cubes"), (80, 200, 500), 6),
-    "large friction": (("pile", "wall", "chain", "balls", "cubes"), (1000, 2000), 2),
-    "other": (
-        ("copositive", "singular copositive", "copositive-plus", "P0", "games"),
-        (10, 20, 50, 100, 200),
-        5,
-    ),
-}
+OTHERS = ("copositive", "singular copositive", "copositive-plus", "P0", "games")
+FAMILIES = (  # names, sizes, and how many of each
+    (FRICTION, (80, 200, 500), 6),
+    (FRICTION, (1000, 2000), 2),
+    (OTHERS, (10, 20, 50, 100, 200), 5),
+)
 ALPHA, BETA = {"alpha": 0.9}, {"beta": 0.8}
 SWEEPS: dict[str, dict[str, float]] = {
     "mgs": {}, "msor": ALPHA, "maor": ALPHA | BETA, "namj": {}, "namgs": {},
@@ -194,16 +193,13 @@ def generated() -> Iterator[tuple[str, Suite]]:
     yield "classes", Suite(names, partial(loaded_row, load, 1e-6))
     names = [
         f"{family} {n} {seed}"
-        for families, sizes, seeds in FAMILIES.values()
-        for family in families
-        for n in sizes
-        for seed in range(seeds)
+        for families, sizes, seeds in FAMILIES
+        for family, n, seed in product(families, sizes, range(seeds))
     ]
     yield "families", Suite(names, family_row)
+    printed = product(tables.TABLES, tables.SIZES)
     names = [
-        f"{example} {method} {alpha} {m}"
-        for example, method, alpha in tables.TABLES
-        for m in tables.SIZES
+        f"{example} {method} {alpha} {m}" for (example, method, alpha), m in printed
     ]
     yield "paper", Suite(names, printed_row)
     names = [f"{e} {d} {method}" for e in (1, 2) for d in (4, 1) for method in SWEEPS]

@@ -78,13 +78,13 @@ def grid_of(put: Put, nodes: int, steps: int, shift: float = 0.5) -> Grid:
     diffusion = 0.5 * put.sigma**2 / dx**2
     drift = (put.rate - put.dividend - 0.5 * put.sigma**2) / (2.0 * dx)
     half = 0.5 * put.years / steps
-    return Grid(
-        x,
+    payoff, left = (
         np.maximum(put.strike - np.exp(x), 0.0),
         put.strike - np.exp(x[0] - dx),
-        half * (drift - diffusion),
-        1.0 + half * (2.0 * diffusion + put.rate),
-        -half * (diffusion + drift),
+    )
+    below, above = half * (drift - diffusion), -half * (diffusion + drift)
+    return Grid(
+        x, payoff, left, below, 1.0 + half * (2.0 * diffusion + put.rate), above
     )
 
 

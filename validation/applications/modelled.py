@@ -34,12 +34,11 @@ from validation.harness.suite import Args, Suite
 from validation.problems import models
 
 TIGHT = {"tol_gap_abs": 1e-12, "tol_gap_rel": 1e-12, "tol_feas": 1e-12}
+TIGHT["accept_unknown"] = True
 SOLVERS: dict[str, tuple[str, dict[str, Any]]] = {
-    "nam": ("NAM", {}),
-    "osqp": ("OSQP", {}),
-    "clarabel": ("CLARABEL", {}),
-    "reference": ("CLARABEL", {**TIGHT, "accept_unknown": True}),
+    solver: (solver.upper(), {}) for solver in ("nam", "osqp", "clarabel")
 }
+SOLVERS["reference"] = "CLARABEL", TIGHT
 REFERENCE = "reference"
 ACCURATE = 1e-7  # what residuals and objective must reach to count as a success
 ERRORS = ["primal_residual", "dual_residual", "complementarity"]

@@ -157,12 +157,8 @@ def figure(rows: list[Row], spec: Spec) -> float:
 
 
 def specs(table: Row = TABLE["claims"]) -> dict[str, tuple[str, Spec]]:
-    return {
-        name: (file, spec)
-        for files in table.values()
-        for file, claims in files.items()
-        for name, spec in claims.items()
-    }
+    files = [pair for part in table.values() for pair in part.items()]
+    return {name: (file, spec) for file, own in files for name, spec in own.items()}
 
 
 def values(folder: Path = cli.RESULTS) -> Figures:

@@ -124,15 +124,12 @@ def flat(seed: int) -> QP:
     return around(rng.standard_normal(5), B.T @ B, G, z, np.arange(6) < 4)
 
 
-KINKS = {
-    family: directions
-    for family, directions in (
-        (weak_rows, ("q", "h", "P", "G", "qh")),
-        (weak_bounds, ("q", "h", "P", "lb", "ub")),
-        (repeated_row, ("q", "h", "P", "qh")),
-        (vertex, ("q", "h", "P", "qh")),
-        (flat, ("q",)),  # with other h x may not be unique
-    )
+KINKS = {  # with the data to be changed; "qh" means both
+    weak_rows: ("q", "h", "P", "G", "qh"),
+    weak_bounds: ("q", "h", "P", "lb", "ub"),
+    repeated_row: ("q", "h", "P", "qh"),
+    vertex: ("q", "h", "P", "qh"),
+    flat: ("q",),  # with other h x may not be unique
 }
 
 

@@ -128,11 +128,8 @@ def conditions(problem: Problem, found: Any) -> float:
         size = 1.0 + judging.largest(z, y, z_box)
         # a multiplier vanishes, or its constraint holds with equality
         at_ub, at_lb = np.maximum(z_box, 0.0), np.minimum(z_box, 0.0)
-        products = (np.minimum(np.abs(z), np.abs(slack)), np.minimum(z, 0.0))
-        products += (
-            np.minimum(at_ub, np.abs(ub - x)),
-            np.minimum(-at_lb, np.abs(x - lb)),
-        )
+        products = [np.minimum(np.abs(z), np.abs(slack)), np.minimum(z, 0.0)]
+        products += [np.minimum(at_ub, abs(ub - x)), np.minimum(-at_lb, abs(x - lb))]
         worst = max(worst, judging.largest(gradient, *products) / size)
     return worst
 

@@ -22,47 +22,22 @@ mpl.use("Agg")
 WIDTH = 9.0  # [in]
 BLUE, CYAN, GREEN, PURPLE = "#4477AA", "#66CCEE", "#228833", "#AA3377"
 YELLOW, RED = "#CCBB44", "#EE6677"
-TEAL = "#44AA99"
-BLACK = "#000000"
-DARK = "#555555"
-LIGHT = "#CFCFCF"
+DARK, LIGHT = "#555555", "#CFCFCF"
 
-METHODS = {
-    "namsor": (BLUE, "s"),
-    "pgs": (GREEN, "o"),
-    "modulus": (DARK, "o"),
-    "lemke": (RED, "P"),
-}
+LOOKS = {
+    "nam": (BLUE, "o"), "osqp": (PURPLE, "s"), "piqp": (GREEN, "^"),
+    "clarabel": (CYAN, "v"), "proxqp": (YELLOW, "D"), "daqp": (RED, "P"),
+    "quadprog": ("#000000", "<"), "qtqp": ("#44AA99", "p"), "namsor": (BLUE, "s"),
+    "pgs": (GREEN, "o"), "modulus": (DARK, "o"), "lemke": (RED, "P"),
+}  # fmt: skip
 
-SOLVERS = {
-    "nam": (BLUE, "o"),
-    "osqp": (PURPLE, "s"),
-    "piqp": (GREEN, "^"),
-    "clarabel": (CYAN, "v"),
-    "proxqp": (YELLOW, "D"),
-    "daqp": (RED, "P"),
-    "quadprog": (BLACK, "<"),
-    "qtqp": (TEAL, "p"),
-}
-
-mpl.rcParams.update(
-    {
-        "figure.dpi": 110,
-        "font.size": 9.0,
-        "axes.titlesize": 10.0,
-        "axes.titlelocation": "left",
-        "axes.spines.top": False,
-        "axes.spines.right": False,
-        "axes.grid": True,
-        "axes.axisbelow": True,
-        "grid.color": "#DDDDDD",
-        "grid.linewidth": 0.6,
-        "lines.linewidth": 1.4,
-        "lines.markersize": 5.0,
-        "legend.frameon": False,
-        "svg.hashsalt": "namlcp",
-    }
-)
+mpl.rcParams |= {
+    "figure.dpi": 110, "font.size": 9.0, "axes.titlesize": 10.0,
+    "axes.titlelocation": "left", "axes.spines.top": False, "axes.spines.right": False,
+    "axes.grid": True, "axes.axisbelow": True, "grid.color": "#DDDDDD",
+    "grid.linewidth": 0.6, "lines.linewidth": 1.4, "lines.markersize": 5.0,
+    "legend.frameon": False, "svg.hashsalt": "namlcp",
+}  # fmt: skip
 
 
 def save(figure: Figure, file: Path) -> None:
@@ -96,7 +71,7 @@ def lines(
 
 def looks(solver: str) -> dict[str, Any]:
     """Return how the line of a solver is drawn; other ways to call us are dashed."""
-    colour, marker = (METHODS | SOLVERS)[solver.split()[0]]
+    colour, marker = LOOKS[solver.split()[0]]
     first = solver == "nam"
     return {
         "color": colour, "marker": marker, "linestyle": "--" if " " in solver else "-",

@@ -49,12 +49,9 @@ def judge(problem: Problem, solution: Solution, eps: float) -> dict[str, Any]:
     row |= {key: extras[key] for key in ("iterations", "form") if key in extras}
     if not row["found"] or solution.x is None:
         return row | failure(f"not found {said_by(solution)}".strip())
-    errors = (
-        float(solution.primal_residual()),
-        float(solution.dual_residual()),
-        float(solution.duality_gap()),
-        sign_violation(problem, solution),
-    )
+    residuals = solution.primal_residual(), solution.dual_residual()
+    others = solution.duality_gap(), sign_violation(problem, solution)
+    errors = [float(error) for error in (*residuals, *others)]
     row |= zip(RESIDUALS, errors, strict=True)
     row["success"] = all(error <= eps for error in errors)
     row["status"] = "solved" if row["success"] else "inaccurate"

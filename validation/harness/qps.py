@@ -41,19 +41,15 @@ def tiny_problems(problem: Problem) -> Iterator[Problem]:
 
     The kind: dense or sparse, and which of G, A, lb, ub there are.
     """
-    matrix = sp.csc_matrix if problem.has_sparse else np.asarray
     row = np.ones((1, 3))
+    G, h = np.vstack([row, -np.eye(3)]), np.array([1.0, 0.0, 0.5, 0.5])
+    rest = G, h, row, np.array([0.5]), np.zeros(3), np.ones(3)
     for last in (2.0, 0.0):
-        yield Problem(
-            matrix(np.diag([2.0, 3.0, last]) + 0.5 * row.T @ row),
-            np.array([-1.0, 1.0, -0.5]),
-            None if problem.G is None else matrix(np.vstack([row, -np.eye(3)])),
-            None if problem.G is None else np.array([1.0, 0.0, 0.5, 0.5]),
-            None if problem.A is None else matrix(row),
-            None if problem.A is None else np.array([0.5]),
-            None if problem.lb is None else np.zeros(3),
-            None if problem.ub is None else np.ones(3),
-        )
+        P = np.diag([2.0, 3.0, last]) + 0.5 * row.T @ row
+        arrays = P, np.array([-1.0, 1.0, -0.5]), *rest
+        own = zip(arrays, problem.unpack(), strict=True)
+        tiny = Problem(*(None if theirs is None else v for v, theirs in own))
+        yield sparse(tiny) if problem.has_sparse else tiny
 
 
 def sparse(problem: Problem) -> Problem:

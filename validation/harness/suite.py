@@ -236,11 +236,8 @@ class Run:
         suite, solver = self.suite, request["solver"]
         if suite.late:
             asked = suite.late.hardness(request)
-            late = [
-                row
-                for row in self.late[self.alike(request)]
-                if suite.late.hardness(row) <= asked
-            ]
+            known = self.late[self.alike(request)]
+            late = [row for row in known if suite.late.hardness(row) <= asked]
             if len(late) >= suite.late.times:
                 return late[-1] | request if suite.late.copied else None
         child = self.child(solver)

@@ -27,6 +27,7 @@ infeasible
 import time
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -61,11 +62,8 @@ def measure(
             qp_solvers.solve(tiny, job.solver, **settings)
         except Exception:  # what the solver refuses cannot warm it up
             continue
-    return judging.timed(
-        job,
-        lambda: qp_solvers.solve(problem, job.solver, **settings),
-        lambda solution: judging.judge(problem, solution, eps),
-    )
+    call = lambda: qp_solvers.solve(problem, job.solver, **settings)  # noqa: E731
+    return judging.timed(job, call, partial(judging.judge, problem, eps=eps))
 
 
 def load_changed(data: Path, kind: str, name: str) -> Problem:
@@ -121,9 +119,7 @@ def of_kinds(kinds: Iterable[str], names: Iterable[str], args: Args) -> Iterator
             yield {"set": kind, "problem": name, "solver": solver, "eps": eps}
 
 
-RIGHT = {
-    "infeasible": ("infeasible",),
-    "unbounded": ("unbounded",),
+RIGHT = {  # of other truths what says the same
     "both": ("infeasible", "unbounded"),
     "feasible": ("solved",),
     "not convex": ("undecided", "infeasible", "unbounded"),
@@ -159,7 +155,8 @@ def of_infeasible(args: Args) -> Iterator[Row]:
 def complete(row: Row) -> Row:
     said = row.setdefault("verdict", "undecided")
     word = "misjudged" if said in WRONG else "undecided"
-    return row | {"outcome": "recognised" if said in RIGHT[row["truth"]] else word}
+    right = RIGHT.get(row["truth"], (row["truth"],))
+    return row | {"outcome": "recognised" if said in right else word}
 
 
 SUITE = Suite(

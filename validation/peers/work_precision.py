@@ -86,13 +86,12 @@ def judged(task: families.Task, answer: Any, eps: float) -> Row:
         found.y, found.z, found.z_box = answer.y, answer.z, answer.z_box
         row = judging.judge(task.problem, found, eps)
         worst = max(np.nan_to_num(row[name], nan=np.inf) for name in judging.RESIDUALS)
-        found_row = {"residual": float(worst), "status": row["status"]}
-        return found_row | {"point": answer.x}
-    problem = task.problem
-    w = problem.P @ answer.z + problem.q
-    residual = natural_residual(answer.z, w, problem.lb, problem.ub)
-    status = answer.status.value
-    return {"residual": residual, "status": status, "point": answer.z}
+        point, status, residual = answer.x, row["status"], float(worst)
+    else:
+        problem, point, status = task.problem, answer.z, answer.status.value
+        w = problem.P @ point + problem.q
+        residual = natural_residual(point, w, problem.lb, problem.ub)
+    return {"residual": residual, "status": status, "point": point}
 
 
 @cache
@@ -284,12 +283,11 @@ def named(rows: list[Row], family: str) -> list[str]:
     if family == "paper":
         return ["sweep auto", *NAMED_SWEEPS]
     least = min(abs(math.log(row["eps"] / RANKED_AT)) for row in rows)
+    others = [row for row in rows if row["solver"].split()[0] not in ("nam", "sweep")]
     ranked = sorted(
         (row["time"][1], row["solver"])
-        for row in rows
+        for row in others
         if abs(math.log(row["eps"] / RANKED_AT)) == least
-        and row["solver"] != "nam"
-        and not row["solver"].startswith("sweep ")
     )
     return ["nam", *(solver for _, solver in ranked[:NAMED])]
 

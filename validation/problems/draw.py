@@ -165,16 +165,12 @@ def scaled(problem: Problem, D: Array, E: Array, F: Array) -> Problem:
     """Return the problem for x/D, its inequalities times E, its equalities times F."""
     P, q, G, h, A, b, lb, ub = problem.unpack()
     d = sp.diags_array(D)
-    return Problem(
-        sp.csc_matrix(d @ P @ d),
-        D * q,
-        None if G is None else sp.csc_matrix(sp.diags_array(E) @ G @ d),
-        None if G is None else E * h,
-        None if A is None else sp.csc_matrix(sp.diags_array(F) @ A @ d),
-        None if A is None else F * b,
-        None if lb is None else lb / D,
-        None if ub is None else ub / D,
-    )
+    if G is not None:
+        G, h = sp.csc_matrix(sp.diags_array(E) @ G @ d), E * h
+    if A is not None:
+        A, b = sp.csc_matrix(sp.diags_array(F) @ A @ d), F * b
+    lb, ub = (None if v is None else v / D for v in (lb, ub))
+    return Problem(sp.csc_matrix(d @ P @ d), D * q, G, h, A, b, lb, ub)
 
 
 def rescaled(problem: Problem, rng: Rng, rows: float, columns: float) -> Problem:

@@ -8,6 +8,7 @@ min 1/2 z'Az + q'z over the box.
 
 from collections.abc import Callable
 from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import NamedTuple
 
@@ -107,12 +108,8 @@ def families(data: Path | None) -> dict[str, Family]:
     classed = osqp_classes.generate
     sweeps = tuple(f"sweep {name}" for name in (*SWEEPS, "lemke"))
     examples = {
-        f"Example {number}, delta = {delta:g}, n = {m**2}": partial(
-            paper_task, number, delta, m
-        )
-        for m in PAPER_SIDES
-        for delta in (4.0, 0.25)
-        for number in (1, 2)
+        f"Example {k}, delta = {delta:g}, n = {m**2}": partial(paper_task, k, delta, m)
+        for m, delta, k in product(PAPER_SIDES, (4.0, 0.25), (1, 2))
     }
     found = {
         "obstacle": Family(True, {

@@ -454,6 +454,25 @@ def nonconvex(x: Any, m: int, rng: Rng) -> Terms:
     return cp.quad_form(x, cp.psd_wrap(P)) + cp.sum(x), x >= -1, x <= 1
 
 
+def near(x: Any, rng: Rng) -> Any:
+    return square(x - rng.standard_normal(x.size))
+
+
+def isotonic(x: Any, m: int, rng: Rng) -> Terms:
+    rise = np.linspace(0.0, 3.0, x.size) + 3.0 * steps(x.size, rng)
+    return square(x - rise), cp.diff(x) >= 0
+
+
+def convex_regression(x: Any, m: int, rng: Rng) -> Terms:
+    curve = np.linspace(-1.0, 1.0, x.size) ** 2
+    return square(x - curve - steps(x.size, rng, 1) / 9), cp.diff(x, 2) >= 0
+
+
+def polytope(x: Any, m: int, rng: Rng) -> Terms:
+    cost = square(x - 3.0 * rng.standard_normal(x.size))
+    return cost, rng.standard_normal((m, x.size)) @ x <= 0.5 + rng.random(m)
+
+
 OTHERS: dict[str, tuple[Any, ...]] = {
     "markowitz_sample": (  # largest utility; the covariance of n / 2 samples
         lambda w, m, rng: (
@@ -484,37 +503,13 @@ OTHERS: dict[str, tuple[Any, ...]] = {
         0.5 * square(x - steps(x.size, rng)) + 5.0 * cp.norm1(cp.diff(x, 2)),
         (100,), (3000,),
     ),
-    "isotonic": (
-        lambda x, m, rng: (
-            square(x - np.linspace(0.0, 3.0, x.size) - 3.0 * steps(x.size, rng)),
-            cp.diff(x) >= 0,
-        ),
-        (100,), (10_000,),
-    ),
-    "convex_regression": (
-        lambda x, m, rng: (
-            square(x - np.linspace(-1.0, 1.0, x.size) ** 2 - steps(x.size, rng, 1) / 9),
-            cp.diff(x, 2) >= 0,
-        ),
-        (50,), (1000,),
-    ),
+    "isotonic": (isotonic, (100,), (10_000,)),
+    "convex_regression": (convex_regression, (50,), (1000,)),
     "big_m": (big_m, (20,), (3000,)),
     "storage": (storage, (24,), (2000,)),
-    "polytope": (
-        lambda x, m, rng: (
-            square(x - 3.0 * rng.standard_normal(x.size)),
-            rng.standard_normal((m, x.size)) @ x <= 0.5 + rng.random(m),
-        ),
-        (10, 30), (200, 2000),
-    ),
-    "simplex": (
-        lambda x, m, rng: (square(x - rng.standard_normal(x.size)), *LONG(x)),
-        (20,), (10_000,),
-    ),
-    "l1_ball": (
-        lambda x, m, rng: (square(x - rng.standard_normal(x.size)), cp.norm1(x) <= 1),
-        (20,), (5000,),
-    ),
+    "polytope": (polytope, (10, 30), (200, 2000)),
+    "simplex": (lambda x, m, rng: (near(x, rng), *LONG(x)), (20,), (10_000,)),
+    "l1_ball": (lambda x, m, rng: (near(x, rng), cp.norm1(x) <= 1), (20,), (5000,)),
     "dependent_rows": (dependent_rows, (20, 5), (600, 150)),
     "lp_unique": (lp_unique, (10, 30), (200, 1000)),
     "lp_face": (lp_face, (10, 8), (500, 200)),

@@ -74,13 +74,9 @@ def replayed(job: Job, sequence: Recorded, eps: float) -> Row:
                 judged.append(judged_step(workspace, Problem(**now), fresh[k], eps))
     best = 1e6 * times.min(axis=0)
     failed = [row["status"] for row in judged if not row["success"]]
-    return {
-        "solved": len(judged) - len(failed),
-        "microseconds": float(np.median(best)),
-        "residual": max(row["residual"] for row in judged),
-        "difference": max(row["difference"] for row in judged),
-        "status": failed[0] if failed else "solved",
-    }
+    found = {"solved": len(judged) - len(failed), "microseconds": np.median(best)}
+    found |= {k: max(row[k] for row in judged) for k in ("residual", "difference")}
+    return found | {"status": failed[0] if failed else "solved"}
 
 
 def judged_step(workspace: Any, problem: Problem, fresh: np.ndarray, eps: float) -> Row:

@@ -233,12 +233,6 @@ class Osqp(Stacked):
         return self.answered(problem, r.info.status == "solved", r.x, r.y, None)
 
 
-WORKSPACES: dict[str, Any] = {
-    "nam": Kept,
-    "nam by calls": Calls,
-    "daqp": Daqp,
-    "piqp": Piqp,
-    "proxqp": Proxqp,
-    "osqp": Osqp,
-}
+WORKSPACES: dict[str, Any] = {"nam": Kept, "nam by calls": Calls}
+WORKSPACES |= {"daqp": Daqp, "piqp": Piqp, "proxqp": Proxqp, "osqp": Osqp}
 """The solvers by name; "nam" keeps what it can from step to step."""

@@ -99,12 +99,9 @@ class Tally:
 
 def read(path: Path) -> Iterator[Row]:
     for row in csv_files.read(path):
-        yield row | {
-            "seed": int(row["seed"]),
-            "count": int(row["count"]),
-            "seconds": float(row["seconds"] or 0.0),
-            "slowest": float(row["slowest"] or 0.0),
-        }
+        numbers = {name: int(row[name]) for name in ("seed", "count")}
+        times = {name: float(row[name] or 0.0) for name in ("seconds", "slowest")}
+        yield row | numbers | times
 
 
 def truth_of(case: cases.Case) -> str:
@@ -113,12 +110,11 @@ def truth_of(case: cases.Case) -> str:
     problem = qpsolvers_problem(case)
     feasible = infeasible_cases.is_feasible(problem)
     descends = infeasible_cases.is_unbounded(problem)
-    return {
-        (True, True): "unbounded",
-        (True, False): "solvable",
-        (False, True): "both",
-        (False, False): "infeasible",
-    }.get((feasible, descends), "near")
+    if None in (feasible, descends):
+        return "near"
+    if feasible:
+        return "unbounded" if descends else "solvable"
+    return "both" if descends else "infeasible"
 
 
 def judged(case: cases.Case, answer: Answer, own: bool) -> tuple[str, str, str]:

@@ -24,11 +24,8 @@ from validation.stress.campaign_judge import (
     ray_faults,
 )
 
-CHOICES = (
-    ("closest", 2, True),
-    ("elastic", 1, True),
-    (namlcp.Relaxation(lb=1.0, ub=1.0), 2, False),
-)
+SOFT = namlcp.Relaxation(lb=1.0, ub=1.0)
+CHOICES = ("closest", 2, True), ("elastic", 1, True), (SOFT, 2, False)
 """What is asked for, the norm of the shifts, and whether bounds stay."""
 LEAST = 1e-6  # excess of a sum of shifts over HiGHS's, which stops at 1e-7
 AT_BOUND = 1e-8  # relative distance to a bound that may have a multiplier
@@ -65,12 +62,9 @@ def judge_closest(
         if not why and not bounds_stay and largest_fall(qp, found.x) > PROOF:
             why = "ray: into a bound"
     elif not why:
-        shifted = qp._replace(
-            h=qp.h + found.shift_h,
-            b=qp.b + found.shift_b,
-            lb=qp.lb + found.shift_lb,
-            ub=qp.ub + found.shift_ub,
-        )
+        sides = ("h", "b", "lb", "ub")
+        moved = {k: getattr(qp, k) + getattr(found, f"shift_{k}") for k in sides}
+        shifted = qp._replace(**moved)
         point = found.x, found.y, found.z, found.z_box
         why = qp_faults(shifted, *point, tolerance)
     return ("wrong", why) if why else ("right", "")

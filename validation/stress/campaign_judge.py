@@ -255,16 +255,11 @@ def judge_qp(
     elif proofs:
         why = ray_faults(qp, answer.x)
     possible = {
-        "solvable": ("solved",),
-        "possible": ("solved",),
-        "infeasible": ("infeasible",),
-        "unbounded": ("unbounded",),
-        "both": ("infeasible", "unbounded"),
-        "far": ("solved", "infeasible", "unbounded"),
-        "near": ("solved", "infeasible", "unbounded"),
-        "not convex": ("infeasible", "unbounded"),
-    }[truth]
-    if said not in possible:
+        **dict.fromkeys(("solvable", "possible"), ("solved",)),
+        **dict.fromkeys(("both", "not convex"), ("infeasible", "unbounded")),
+        **dict.fromkeys(("far", "near"), ("solved", "infeasible", "unbounded")),
+    }
+    if said not in possible.get(truth, (truth,)):
         why = f"called {said}" + (f", {why}" if why else "")
     return ("wrong" if why else "right"), why
 

@@ -387,11 +387,8 @@ def moved_vectors(draw: Draw, qp: QP) -> QP:
     step = draw.one_of(1e-3, 0.1, 1.0)
     n, p = qp.q.size, qp.b.size
     shift = qp.A @ draw.numbers(n) if draw.chance(0.67) else draw.numbers(p)
-    return qp._replace(
-        q=qp.q + step * draw.numbers(n),
-        h=qp.h + step * draw.numbers(qp.h.size),
-        b=qp.b + step * shift,
-    )
+    q, h = (v + step * draw.numbers(v.size) for v in (qp.q, qp.h))
+    return qp._replace(q=q, h=h, b=qp.b + step * shift)
 
 
 def moved_bounds(draw: Draw, qp: QP) -> QP:
