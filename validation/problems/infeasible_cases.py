@@ -293,103 +293,88 @@ CHANGES: dict[str, Callable[[Problem], tuple[Problem | None, str | None]]] = {
 I2, O2 = np.eye(2), np.zeros((2, 2))
 Entries = dict[str, dict[str, Any]]
 INFEASIBLE: Entries = {
-    "opposite rows": {"P": I2, "G": [[1, 1], [-2, -2]], "h": [1, -4]},
-    "opposite rows, cost in one corner": {
-        "P": np.diag([1, 0]), "q": [0, 1], "lb": 0, "G": [[1, 1], [-2, -2]],
-        "h": [1, -4],
-    },
-    "three rows": {"P": I2, "G": [[1, 1], [-1, 0], [0, -1]], "h": [1, -1, -1]},
-    "cycle of differences": {
-        "P": np.eye(3), "G": [[1, -1, 0], [0, 1, -1], [-1, 0, 1]], "h": [-1, -1, -1],
-    },
-    "row against bounds": {"P": I2, "G": [[1, 1]], "h": [-1], "lb": 0},
-    "crossed bounds": {"P": I2, "lb": [0, 1], "ub": [1, 0]},
-    "repeated equations": {"P": I2, "A": [[1, 1], [2, 2]], "b": [1, 3]},
-    "dependent equations": {
-        "P": np.eye(3), "A": [[1, 1, 0], [0, 1, 1], [1, 2, 1]], "b": [1, 1, 3],
-    },
-    "more equations than unknowns": {
-        "P": I2, "A": [[1, 0], [0, 1], [1, 1]], "b": [1, 1, 3],
-    },
-    "empty equation": {"P": I2, "A": [[0, 0]], "b": [-1]},
-    "empty row": {"P": I2, "G": [[0, 0]], "h": [-1]},
-    "row of -inf": {"P": I2, "G": [[1, 1]], "h": [-np.inf]},
-    "all fixed": {"P": I2, "G": [[1, 1]], "h": [2], "lb": [1, 2], "ub": [1, 2]},
-    "equation against bounds": {"P": I2, "A": [[1, 1]], "b": [5], "lb": 0, "ub": 1},
-    "equation against rows": {
-        "P": I2, "A": [[1, -1]], "b": [0], "G": [[1, 0], [0, -1]], "h": [0, -1],
-    },
-    "transport": {
-        "P": np.zeros((4, 4)), "q": [1, 2, 2, 1], "lb": 0,
-        "A": [[1, 1, 0, 0], [0, 0, 1, 1], [1, 0, 1, 0], [0, 1, 0, 1]],
-        "b": [1, 1, 1, 2],
-    },
-    "one unknown": {"P": [[1]], "G": [[1], [-1]], "h": [-1, 0]},
-    "rows of different size": {
-        "P": I2, "G": [[1e6, 1e6], [-1, -1]], "h": [1e6, -2],
-    },
+    "opposite rows": dict(P=I2, G=[[1, 1], [-2, -2]], h=[1, -4]),
+    "opposite rows, cost in one corner": dict(
+        P=np.diag([1, 0]), q=[0, 1], lb=0, G=[[1, 1], [-2, -2]], h=[1, -4],
+    ),
+    "three rows": dict(P=I2, G=[[1, 1], [-1, 0], [0, -1]], h=[1, -1, -1]),
+    "cycle of differences": dict(
+        P=np.eye(3), G=[[1, -1, 0], [0, 1, -1], [-1, 0, 1]], h=[-1, -1, -1],
+    ),
+    "row against bounds": dict(P=I2, G=[[1, 1]], h=[-1], lb=0),
+    "crossed bounds": dict(P=I2, lb=[0, 1], ub=[1, 0]),
+    "repeated equations": dict(P=I2, A=[[1, 1], [2, 2]], b=[1, 3]),
+    "dependent equations": dict(
+        P=np.eye(3), A=[[1, 1, 0], [0, 1, 1], [1, 2, 1]], b=[1, 1, 3],
+    ),
+    "more equations than unknowns": dict(P=I2, A=[[1, 0], [0, 1], [1, 1]], b=[1, 1, 3]),
+    "empty equation": dict(P=I2, A=[[0, 0]], b=[-1]),
+    "empty row": dict(P=I2, G=[[0, 0]], h=[-1]),
+    "row of -inf": dict(P=I2, G=[[1, 1]], h=[-np.inf]),
+    "all fixed": dict(P=I2, G=[[1, 1]], h=[2], lb=[1, 2], ub=[1, 2]),
+    "equation against bounds": dict(P=I2, A=[[1, 1]], b=[5], lb=0, ub=1),
+    "equation against rows": dict(
+        P=I2, A=[[1, -1]], b=[0], G=[[1, 0], [0, -1]], h=[0, -1],
+    ),
+    "transport": dict(
+        P=np.zeros((4, 4)), q=[1, 2, 2, 1], lb=0,
+        A=[[1, 1, 0, 0], [0, 0, 1, 1], [1, 0, 1, 0], [0, 1, 0, 1]], b=[1, 1, 1, 2],
+    ),
+    "one unknown": dict(P=[[1]], G=[[1], [-1]], h=[-1, 0]),
+    "rows of different size": dict(P=I2, G=[[1e6, 1e6], [-1, -1]], h=[1e6, -2]),
 }  # fmt: skip
 
 UNBOUNDED: Entries = {
-    "no constraint, linear": {"P": O2, "q": [1, 0]},
-    "no constraint, flat direction": {"P": np.diag([1, 0]), "q": [0, -1]},
-    "no constraint, flat across": {"P": [[1, -1], [-1, 1]], "q": [-1, -1]},
-    "strip": {"P": O2, "q": -1, "G": [[1, -1], [-1, 1]], "h": [1, 1]},
-    "quadrant": {"P": O2, "q": [-1, 1], "lb": 0},
-    "half-line": {"P": [[0]], "q": -1, "G": [[-1]], "h": [0]},
-    "equation": {
-        "P": np.diag([1, 1, 0, 0]), "q": [0, 0, -1, 0], "A": [[0, 0, 1, -1]], "b": [0],
-    },
-    "cone": {
-        "P": np.outer([1, -1, 0], [1, -1, 0]), "q": [-1, -1, 1],
-        "G": [[1, 0, -3], [0, 1, -3], [-1, -1, 1]], "h": [0, 0, 1],
-    },
-    "rank one": {"P": np.ones((5, 5)), "q": [-1, 2, 0, 0, 0]},
-    "only infinite rows": {"P": O2, "q": [1, -1], "G": [[1, 1]], "h": [np.inf]},
-    "empty row and a ray": {
-        "P": np.diag([1, 0]), "q": [0, -1], "G": [[0, 0]], "h": [1],
-    },
-    "slope 1e-3": {"P": np.diag([1, 0]), "q": [1, -1e-3], "lb": 0},
-    "slope 1e-5": {"P": np.diag([1, 0]), "q": [1, -1e-5], "lb": 0},
-    "slope 1e-4 along a row": {
-        "P": O2, "q": [-1 - 1e-4, 1], "G": [[1, -1]], "h": [1],
-    },
+    "no constraint, linear": dict(P=O2, q=[1, 0]),
+    "no constraint, flat direction": dict(P=np.diag([1, 0]), q=[0, -1]),
+    "no constraint, flat across": dict(P=[[1, -1], [-1, 1]], q=[-1, -1]),
+    "strip": dict(P=O2, q=-1, G=[[1, -1], [-1, 1]], h=[1, 1]),
+    "quadrant": dict(P=O2, q=[-1, 1], lb=0),
+    "half-line": dict(P=[[0]], q=-1, G=[[-1]], h=[0]),
+    "equation": dict(
+        P=np.diag([1, 1, 0, 0]), q=[0, 0, -1, 0], A=[[0, 0, 1, -1]], b=[0],
+    ),
+    "cone": dict(
+        P=np.outer([1, -1, 0], [1, -1, 0]), q=[-1, -1, 1],
+        G=[[1, 0, -3], [0, 1, -3], [-1, -1, 1]], h=[0, 0, 1],
+    ),
+    "rank one": dict(P=np.ones((5, 5)), q=[-1, 2, 0, 0, 0]),
+    "only infinite rows": dict(P=O2, q=[1, -1], G=[[1, 1]], h=[np.inf]),
+    "empty row and a ray": dict(P=np.diag([1, 0]), q=[0, -1], G=[[0, 0]], h=[1]),
+    "slope 1e-3": dict(P=np.diag([1, 0]), q=[1, -1e-3], lb=0),
+    "slope 1e-5": dict(P=np.diag([1, 0]), q=[1, -1e-5], lb=0),
+    "slope 1e-4 along a row": dict(P=O2, q=[-1 - 1e-4, 1], G=[[1, -1]], h=[1]),
 }  # fmt: skip
 
 BOTH: Entries = {
-    "rows and a free variable": {
-        "P": np.diag([1, 0]), "q": [0, 1], "G": [[1, 0], [-1, 0]], "h": [-1, 0],
-    },
-    "linear rows": {"P": O2, "q": [0, -1], "G": [[1, 0], [-1, 0]], "h": [-1, 0]},
-    "repeated equations, linear": {
-        "P": O2, "q": [1, 0], "A": [[1, 1], [2, 2]], "b": [1, 3],
-    },
+    "rows and a free variable": dict(
+        P=np.diag([1, 0]), q=[0, 1], G=[[1, 0], [-1, 0]], h=[-1, 0],
+    ),
+    "linear rows": dict(P=O2, q=[0, -1], G=[[1, 0], [-1, 0]], h=[-1, 0]),
+    "repeated equations, linear": dict(P=O2, q=[1, 0], A=[[1, 1], [2, 2]], b=[1, 3]),
 }  # fmt: skip
 
 # Solvable, though a solver may see a ray or a contradiction.
 TREACHEROUS: Entries = {
-    "solution at 1e9, flat": {"P": [[1e-9]], "q": -1},
-    "solution at 1e8, half flat": {"P": np.diag([1, 1e-8]), "q": [0, -1]},
-    "solution at 1e8, linear": {"P": O2, "q": [1, 2], "lb": [1e8, 0]},
-    "box of 1e9": {"P": O2, "q": [1e-3, -1e-3], "lb": -1e9, "ub": 1e9},
-    "far corner of a thin cone": {
-        "P": 1e-6 * I2, "q": [1, 0], "G": [[-1e-6, 1]], "h": [-1], "lb": 0,
-    },
-    "interior of 1e-8": {"P": [[1]], "q": 1, "G": [[1], [-1]], "h": [0, 1e-8]},
-    "one point": {
-        "P": I2, "q": [-1, 1], "G": [[1, 1], [-1, 0], [0, -1]], "h": [1, -0.5, -0.5],
-    },
-    "one corner by 1e-9": {
-        "P": np.eye(10), "q": 1, "G": -np.ones((1, 10)), "h": [-10 + 1e-9], "ub": 1,
-    },
-    "nearly dependent equations": {
-        "P": I2, "q": [1, 0], "A": [[1, 1], [1, 1 + 1e-7]], "b": [2, 2 + 1e-7],
-    },
-    "sum of equations, rounded": {
-        "P": np.eye(3), "q": 1, "A": [[1, 1, 0], [0, 1, 1], [1, 2, 1]],
-        "b": [0.1, 0.2, 0.3],
-    },
-    "no cost in a cone": {"P": O2, "G": [[1, -2], [-2, 1]], "h": [-1, -1]},
+    "solution at 1e9, flat": dict(P=[[1e-9]], q=-1),
+    "solution at 1e8, half flat": dict(P=np.diag([1, 1e-8]), q=[0, -1]),
+    "solution at 1e8, linear": dict(P=O2, q=[1, 2], lb=[1e8, 0]),
+    "box of 1e9": dict(P=O2, q=[1e-3, -1e-3], lb=-1e9, ub=1e9),
+    "far corner of a thin cone": dict(
+        P=1e-6 * I2, q=[1, 0], G=[[-1e-6, 1]], h=[-1], lb=0,
+    ),
+    "interior of 1e-8": dict(P=[[1]], q=1, G=[[1], [-1]], h=[0, 1e-8]),
+    "one point": dict(P=I2, q=[-1, 1], G=[[1, 1], [-1, 0], [0, -1]], h=[1, -0.5, -0.5]),
+    "one corner by 1e-9": dict(
+        P=np.eye(10), q=1, G=-np.ones((1, 10)), h=[-10 + 1e-9], ub=1,
+    ),
+    "nearly dependent equations": dict(
+        P=I2, q=[1, 0], A=[[1, 1], [1, 1 + 1e-7]], b=[2, 2 + 1e-7],
+    ),
+    "sum of equations, rounded": dict(
+        P=np.eye(3), q=1, A=[[1, 1, 0], [0, 1, 1], [1, 2, 1]], b=[0.1, 0.2, 0.3],
+    ),
+    "no cost in a cone": dict(P=O2, G=[[1, -2], [-2, 1]], h=[-1, -1]),
 }  # fmt: skip
 
 # The smallest eigenvalue with a unit diagonal is -2e-6 or less; a box holds x.
@@ -409,21 +394,16 @@ NEARLY: Entries = {}
 for margin, eps in ((1e-3, 1e-6), (1e-4, 1e-6), (1e-6, 1e-9), (1e-8, 1e-10)):
     small = f"margin {margin:.0e}"
     NEARLY |= {
-        f"pair, {small}": {
-            "eps": eps, "P": [[1]], "G": [[1], [-1]], "h": [0, -margin],
-        },
-        f"triangle, {small}": {
-            "eps": eps, "P": I2, "G": [[1, 1], [-1, 0], [0, -1]],
-            "h": [1, -0.5, -0.5 - margin],
-        },
-        f"box, {small}": {
-            "eps": eps, "P": np.eye(10), "G": -np.ones((1, 10)), "h": [-10 - margin],
-            "ub": 1,
-        },
-        f"mean, {small}": {
-            "eps": eps, "P": O2, "q": [1, 2], "A": np.ones((1, 2)), "b": [-margin],
-            "lb": 0,
-        },
+        f"pair, {small}": dict(eps=eps, P=[[1]], G=[[1], [-1]], h=[0, -margin]),
+        f"triangle, {small}": dict(
+            eps=eps, P=I2, G=[[1, 1], [-1, 0], [0, -1]], h=[1, -0.5, -0.5 - margin],
+        ),
+        f"box, {small}": dict(
+            eps=eps, P=np.eye(10), G=-np.ones((1, 10)), h=[-10 - margin], ub=1,
+        ),
+        f"mean, {small}": dict(
+            eps=eps, P=O2, q=[1, 2], A=np.ones((1, 2)), b=[-margin], lb=0,
+        ),
     }  # fmt: skip
 
 SMALL: dict[str, Maker] = {}
