@@ -27,8 +27,7 @@ from validation.harness.suite import Parts
 from validation.problems import sweep_scenes
 from validation.problems.known_scenes import BoxLCP
 
-EPS = 1e-5
-"""Res at which a run ends."""
+EPS = 1e-5  # Res at which a run ends
 
 SIZES = (10, 30, 50, 60, 80, 100)
 

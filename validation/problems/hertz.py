@@ -28,8 +28,7 @@ import numpy as np
 from scipy import fft
 from scipy.sparse.linalg import LinearOperator
 
-WIDTH = 3.0
-"""Side of the square grid, in units of the exact contact radius."""
+WIDTH = 3.0  # side of the square grid, in units of the exact contact radius
 
 DELTA = 1e-2
 

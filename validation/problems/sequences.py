@@ -47,8 +47,7 @@ from validation.problems.contact_scenes import heap_of_discs
 
 LEVELS = ("stays", "moves a little", "moves a lot")
 
-Vectors = dict[str, np.ndarray]
-"""New values of some of q, h, b, lb and ub."""
+Vectors = dict[str, np.ndarray]  # new values of some of q, h, b, lb and ub
 
 Steps = Generator[Vectors, np.ndarray | None, None]
 """Yields what changes; is sent the solution, None where there is none."""

@@ -37,8 +37,7 @@ MALFORMED = 0.3  # share of the batches with such an item
 ERROR, ADJOINT = 1e-7, 1e-10  # of regular derivatives, as `derivatives` claims
 DIFFERENCE = 1e-4  # relative error of a one-sided difference
 LENGTHS = 1e-2, 1e-4, 1e-6  # by which x moves for it: x is piecewise linear, and rounds
-Verdict = tuple[str, str]
-"""The outcome, and why it is not right."""
+Verdict = tuple[str, str]  # the outcome, and why it is not right
 Check = Callable[[int, int], Verdict]
 RIGHT = "right", ""
 
