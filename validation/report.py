@@ -119,10 +119,7 @@ def stamp(commands: list[str]) -> str:
 
 
 def run(job: Job, data: Path, out: Path, quick: bool, again: bool) -> str:
-    """Make the files of a job if they are out of date; return what is wrong.
-
-    A job that grows begins anew unless a run with this stamp began its file.
-    """
+    """Make the files of a job if they are out of date; return what is wrong."""
     lines = job.lines(quick)
     now, mark = stamp(lines), out / "stamps" / job.name
     was = mark.read_text() if mark.exists() else ""

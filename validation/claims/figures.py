@@ -53,10 +53,7 @@ class Claim(NamedTuple):
 
 
 def slope(points: list[tuple[float, float]]) -> float:
-    """Return the power of x with which y grows: least squares of the logarithms.
-
-    It is NaN for a single point.
-    """
+    """Return the power of x with which y grows, by least squares of the logarithms."""
     x, y = np.log(points).T
     return float(np.polyfit(x, y, 1)[0]) if x.size > 1 else math.nan
 

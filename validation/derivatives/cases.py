@@ -136,10 +136,7 @@ KINKS = {  # with the data to be changed; "qh" means both
 def contradictory(
     seed: int, n: int, m: int, p: int = 2, bounds: bool = False
 ) -> dict[str, np.ndarray]:
-    """Return the arguments of a QP without a feasible x: two rows of G are opposed.
-
-    With more than 2 n rows many others exclude all x, too.
-    """
+    """Return the arguments of an infeasible QP: two rows of G are opposed."""
     rng = np.random.default_rng(seed)
     B, x = rng.standard_normal((n, n)), rng.standard_normal(n)
     G, A = rng.standard_normal((m, n)), rng.standard_normal((p, n))
@@ -164,10 +161,7 @@ def weak_lcp(seed: int, n: int = 8) -> tuple[np.ndarray, np.ndarray]:
 
 
 def direction(qp: QP, seed: int, names: str | tuple[str, ...] = QP._fields) -> Kept:
-    """Return a change of the named data, in their own units; the rest stays.
-
-    Pinned variables stay pinned, and P symmetric.
-    """
+    """Return a change of the named data, in their units; pinned variables stay so."""
     rng = np.random.default_rng([seed, 1])
     wanted = {"qh": ("q", "h")}.get(names, (names,)) if type(names) is str else names
     d = {name: np.zeros(own.shape) for name, own in qp._asdict().items()}

@@ -123,10 +123,7 @@ def qpth(data: Data) -> Pass:
 
 
 def diffcp(data: Data) -> Pass:
-    """Return the passes of cvxpy with diffcp; P enters by its Cholesky factor.
-
-    There is no gradient in P then, and that in G is the dense one.
-    """
+    """Return the passes of cvxpy; P enters by its Cholesky factor, without gradient."""
     import cvxpy
 
     P, q, G, h, g = data

@@ -14,10 +14,7 @@ Names = Sequence[str]
 def writer(
     path: Path, header: list[str], columns: Names, append: bool = False
 ) -> Iterator[Callable[[Row], None]]:
-    """Yield a function that writes a row at once, below the lines of the header.
-
-    Entries of other columns are left out; append=True goes on with what is there.
-    """
+    """Yield what writes a row at once; entries of other columns are left out."""
     path.parent.mkdir(parents=True, exist_ok=True)
     goes_on = append and path.exists()
     with path.open("a" if goes_on else "w", buffering=1, newline="") as file:

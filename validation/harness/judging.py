@@ -40,10 +40,7 @@ def sign_violation(problem: Problem, solution: Solution) -> float:
 
 
 def judge(problem: Problem, solution: Solution, eps: float) -> dict[str, Any]:
-    """Return found, the residuals, success and a status in words.
-
-    Our own solver also says how many iterations it took and in which form.
-    """
+    """Return found, residuals, success, a status in words; of ours also iterations."""
     extras = solution.extras or {}
     row: dict[str, Any] = {"found": bool(solution.found)}
     row |= {key: extras[key] for key in ("iterations", "form") if key in extras}
@@ -61,10 +58,7 @@ def judge(problem: Problem, solution: Solution, eps: float) -> dict[str, Any]:
 def timed(
     job: Job, call: timing.Call, judge: Any, clock: timing.Call = time.perf_counter
 ) -> Row:
-    """Time a call and judge(its first answer): the work of a child.
-
-    An error is a row as well, and so is what took longer than the limit.
-    """
+    """Time a call, judge(its first answer); errors and lateness are rows as well."""
     job.ready()
     try:
         answer, cold, runtime = timing.median_time(call, clock)
@@ -81,10 +75,7 @@ def filled(part: Any, size: int) -> np.ndarray:
 
 
 def relative_residual(A: sp.csr_matrix, q: np.ndarray, z: np.ndarray) -> float:
-    """Return the relative natural residual of the LCP scaled to unit diagonal.
-
-    With d = 1 / sqrt(diag A): A := d A d, q := d q, z := z / d.
-    """
+    """Return the relative natural residual of the LCP scaled to unit diagonal."""
     d = 1.0 / np.sqrt(A.diagonal())
     residual = np.linalg.norm(np.minimum(z / d, d * (A @ z + q)))
     return float(residual / np.linalg.norm(np.minimum(d * q, 0.0)))

@@ -18,10 +18,7 @@ THREADS = ("OMP", "OPENBLAS", "MKL", "NUMEXPR", "RAYON")
 
 
 def lines(solvers: Iterable[str]) -> list[str]:
-    """Return what the figures depend on: machine, threads, versions, date.
-
-    A solver is known by its first word: others may name a way of calling it.
-    """
+    """Return what the figures depend on: machine, threads, versions, date."""
     packages = ["numpy", "scipy", "qpsolvers"]
     names = dict.fromkeys(solver.split()[0] for solver in solvers)
     packages += [PACKAGES.get(name, name) for name in names]
@@ -37,10 +34,7 @@ def lines(solvers: Iterable[str]) -> list[str]:
 
 
 def commit() -> str:
-    """Return the commit, with "-dirty" behind it if a source is not as committed.
-
-    A run rewrites tables and figures, which therefore do not count.
-    """
+    """Return the commit, with "-dirty" if a source (no result) is not as committed."""
     here = Path(__file__).parent
     named = "git rev-parse --short=10 HEAD".split()
     changed = ["git", "diff", "--quiet", "HEAD", "--", ":/*.py", ":/*.toml"]
@@ -71,10 +65,7 @@ def cpu_name() -> str:
 def installed(
     solvers: Iterable[str], packages: dict[str, str] | None = None
 ) -> list[str]:
-    """Return the solvers, known by their first words, that can run here.
-
-    Names the others. `packages` are those of solvers that qpsolvers does not know.
-    """
+    """Return the solvers, known by their first words, that can run here."""
     packages = {"nam": "namlcp"} | (packages or {})
     found = []
     for solver in solvers:

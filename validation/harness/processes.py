@@ -83,10 +83,7 @@ class Bench:
         self.pipe.close()
 
     def ask(self, *request: Any) -> Row:
-        """Return the answer to a request; a hang or a crash is a failure.
-
-        Raises BusyError where the machine has to be quiet and is not.
-        """
+        """Return the answer to a request; a hang or a crash is a failure."""
         wait_until_quiet()
         try:
             self.pipe.send((self.limit, *request))

@@ -14,11 +14,7 @@ from validation.harness.qps import sparse
 
 
 def settings(solver: str, eps: float, limit: float) -> dict[str, Any]:
-    """Return the keyword arguments for qpsolvers.solve_problem.
-
-    eps: absolute tolerance on primal residual, dual residual and duality gap. limit: of
-    time [s], for the solvers that know one.
-    """
+    """Return the arguments of solve_problem; limit [s] for those that know one."""
     both = {"eps_abs": eps, "eps_rel": 0.0}
     tol = {"tol_feas": eps, "tol_gap_abs": eps, "tol_gap_rel": 0.0}
     gap = {"eps_duality_gap_abs": eps, "eps_duality_gap_rel": 0.0}
@@ -59,9 +55,5 @@ DETECTION: dict[str, dict[str, Any]] = {
 
 
 def detecting_settings(solver: str, eps: float, limit: float) -> dict[str, Any]:
-    """Return settings with which a solver recognises problems without a solution.
-
-    In `settings` these tests are all but switched off, or the solver would go
-    on for the whole time limit.
-    """
+    """Return settings with which a solver recognises problems without a solution."""
     return settings(solver, eps, limit) | DETECTION.get(solver, {})

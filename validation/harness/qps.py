@@ -26,10 +26,7 @@ def by_name(problem: Problem) -> dict[str, Any]:
 
 
 def joined(P: Any, q: np.ndarray, *parts: Any) -> Problem:
-    """Return the problem of the parts G, h, A, b, lb, ub.
-
-    None stands for no rows.
-    """
+    """Return the problem of the parts G, h, A, b, lb, ub, None for no rows."""
     G, h, A, b, lb, ub = parts
     rows = (G, h) if h.size else (None, None)
     equations = (A, b) if b.size else (None, None)
@@ -37,10 +34,7 @@ def joined(P: Any, q: np.ndarray, *parts: Any) -> Problem:
 
 
 def tiny_problems(problem: Problem) -> Iterator[Problem]:
-    """Yield a definite and a semidefinite problem of the kind of `problem`, n = 3.
-
-    The kind: dense or sparse, and which of G, A, lb, ub there are.
-    """
+    """Yield a definite and a semidefinite problem like `problem`, n = 3."""
     row = np.ones((1, 3))
     G, h = np.vstack([row, -np.eye(3)]), np.array([1.0, 0.0, 0.5, 0.5])
     rest = G, h, row, np.array([0.5]), np.zeros(3), np.ones(3)

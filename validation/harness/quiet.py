@@ -40,10 +40,7 @@ def busy_seconds() -> float:
 
 
 def busy_cores() -> float:
-    """Return how many cores were busy while this process slept.
-
-    Where there is no /proc, the load average of the last minute.
-    """
+    """Return how many cores were busy while this process slept."""
     try:
         before, start = busy_seconds(), time.perf_counter()
         time.sleep(SAMPLE)

@@ -30,10 +30,7 @@ def short(value: float) -> str:
 
 
 def print_row(row: Row, columns: str) -> None:
-    """Print entries of a row on a line, blanks for those that it has not.
-
-    `columns` names them, as "name:width" where 12 characters do not suit.
-    """
+    """Print entries of a row; `columns` has names, or "name:width"."""
     cells = []
     for column in columns.split():
         name, _, width = column.partition(":")

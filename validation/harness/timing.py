@@ -18,10 +18,7 @@ QUICK_TIME = 0.05  # [s] of calls at least, however many they are
 def median_time(
     call: Call, clock: Call = time.perf_counter
 ) -> tuple[Any, float, float]:
-    """Return the first result of a call, its time and the median time of the others.
-
-    The first call stands for the median where it is too slow to be repeated.
-    """
+    """Return the first result, its time and the median of others, if it is not slow."""
     start = clock()
     first = call()
     cold = clock() - start

@@ -33,10 +33,7 @@ class Known(NamedTuple):
 
 
 class Scene(NamedTuple):
-    """A scene: how to make it and what is known of it.
-
-    `unique`: z is; w = A z + q is unique for every symmetric semidefinite A.
-    """
+    """`unique`: z is; w is unique for every symmetric semidefinite A."""
 
     make: Callable[[], BoxLCP]
     known: tuple[Known, ...] = ()
@@ -48,10 +45,7 @@ def objective(scene: BoxLCP, z: np.ndarray) -> float:
 
 
 def sides(scene: BoxLCP, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Tell who is at the lower and who at the upper bound: nearer to it than w is to 0.
-
-    Interior methods stay a little off.
-    """
+    """Tell who is at a bound, lower and upper: nearer to it than w is to 0."""
     w = scene.A @ z + scene.q
     return z - scene.lower <= w, scene.upper - z <= -w
 

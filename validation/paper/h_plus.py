@@ -34,10 +34,7 @@ DISTANCES = (0.5, 1e-2, 1e-4, 1e-6, 1e-8, 1e-9, 2e-10, 1e-11, 1e-12, 1e-14)
 
 
 def random_matrix(rng: np.random.Generator, target: float) -> np.ndarray | None:
-    """Return a matrix of any structure and scaling with rho(J) = target, or None.
-
-    None where rho(J) of the pattern vanishes or is not well determined.
-    """
+    """Return a matrix with rho(J) = target; None where it vanishes or is unsure."""
     n = int(rng.integers(2, 40))
     A = rng.normal(size=(n, n)) * (rng.random((n, n)) < rng.choice([0.1, 0.3, 1.0]))
     if rng.random() < 0.3:

@@ -124,11 +124,7 @@ def class_rows() -> Iterator[Row]:
 
 
 def unit_rows() -> Iterator[Row]:
-    """Yield a row for each method and delta with a column for each unit.
-
-    A and q are multiplied by the unit; the tolerance is relative, so that nothing
-    should change.
-    """
+    """Yield a row for each method and delta; nothing should change with the unit."""
     for chart, delta in itertools.product(UNITS, DELTAS):
         base = sweep_scenes.paper_example(1, 20, delta)
         row = key("Example 1", chart) | {"delta": delta}

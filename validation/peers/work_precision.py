@@ -169,10 +169,7 @@ REGULAR = 1e-9  # on the rows of active constraints, which may depend on each ot
 
 
 def strictly_convex(P: Any) -> bool:
-    """Tell whether P has an inverse worth the name: pivots of its unit-diagonal form.
-
-    A is scaled by d_i = p_ii^(-1/2) on both sides; a zero on its diagonal decides.
-    """
+    """Tell whether P, scaled to a unit diagonal, has no small pivots."""
     diagonal = np.asarray(P.diagonal())
     if not np.all(diagonal > 0.0):
         return False
@@ -187,10 +184,7 @@ def strictly_convex(P: Any) -> bool:
 
 
 def stacked(problem: Problem) -> tuple[sp.csr_array, np.ndarray, int]:
-    """Return C, d and p: equalities C x = d in the first p rows, C x <= d below.
-
-    The order is A, G, then the finite upper and lower bounds.
-    """
+    """Return C, d and p: C x = d in the first p rows (of A), C x <= d below."""
     _, q, G, h, A, b, lb, ub = qps.parts(problem)
     eye = sp.csr_array(sp.eye_array(q.size, format="csr"))
     up, low = np.isfinite(ub), np.isfinite(lb)

@@ -91,10 +91,7 @@ def maros_index(data: Path, problem_set: str) -> dict[str, dict[str, str]]:
 
 
 def maros_problem(data: Path, name: str, dense: bool) -> Problem:
-    """Read min 1/2 x'Px + q'x, l <= [C; I] x <= u from NAME.mat.
-
-    Bounds that are all infinite become None.
-    """
+    """Read NAME.mat; bounds that are all infinite become None."""
     path = cli.require(data / "maros_meszaros" / f"{name}.mat")
     P, q, G, h, A, b, lb, ub = mat_problem(str(path)).unpack()
     if dense:

@@ -86,10 +86,7 @@ def planted(
 def definite_stack(
     rng: Rng, n: int, m: int, items: int, active: float = 0.3
 ) -> tuple[Array, Array, Array, Array]:
-    """Return P, q, G, h of dense QPs with definite P, stacked along the first axis.
-
-    As in `planted`, a share `active` of the rows of each holds with equality.
-    """
+    """Return P, q, G, h of dense QPs with definite P, stacked along the first axis."""
     B = rng.standard_normal((items, n, n))
     P = B.swapaxes(1, 2) @ B / n + 0.1 * np.eye(n)
     G, x = rng.standard_normal((items, m, n)), rng.standard_normal((items, n, 1))

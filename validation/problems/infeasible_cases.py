@@ -49,10 +49,7 @@ Maker = Callable[[], Case | None]  # None: the change does not make such a probl
 
 
 def all_cases(data: Path | None, step: int) -> dict[str, Maker]:
-    """Return the makers of all cases by name.
-
-    Every `step`-th problem of the Maros-Meszaros collection gets each of its changes.
-    """
+    """Return the makers; every step-th Maros-Meszaros problem gets each change."""
     makers = dict(SMALL)
     for k, size in enumerate(SIZES):
         for dense in (True, False):
@@ -132,10 +129,7 @@ def random_infeasible(seed: int, n: int, m: int, p: int, dense: bool) -> Case:
 
 
 def random_unbounded(seed: int, n: int, m: int, p: int, dense: bool) -> Case:
-    """Give a solvable problem a direction d: P d = 0, A d = 0, G d <= 0, q'd = -1.
-
-    d has all entries, or four.
-    """
+    """Add a direction d: P d = A d = 0, G d <= 0, q'd = -1; dense, or four entries."""
     rng = np.random.default_rng(seed)
     rank = (n // 2, 1, 0)[seed % 3]
     _, q, G, _, A, *_ = random_feasible(rng, n, m, p, rank, dense)

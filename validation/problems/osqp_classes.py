@@ -28,10 +28,7 @@ STAGES = 10  # time steps of `control`
 
 
 class Class(NamedTuple):
-    """A class of problems: make(rng, size) for each of `sizes`.
-
-    A size counts variables, factors (portfolio), features or states (control).
-    """
+    """make(rng, size): variables, factors (portfolio), features or states (control)."""
 
     make: Callable[[np.random.Generator, int], Problem]
     sizes: tuple[int, ...]

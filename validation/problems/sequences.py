@@ -54,10 +54,7 @@ Steps = Generator[Vectors, np.ndarray | None, None]
 
 
 class Sequence(NamedTuple):
-    """The first problem, and a loop that changes its vectors.
-
-    A loop that is sent None has asked for what is impossible, and asks for less.
-    """
+    """The first problem, and a loop of changes, which asks for less if sent None."""
 
     problem: Problem
     steps: Steps
@@ -121,10 +118,7 @@ def wanted(step: int, level: str) -> np.ndarray:
 
 
 def closed_loop(stages: int, level: str) -> Loop:
-    """Yield step after step the measured and the wanted state; receive the input.
-
-    None for an input: the state could not be led back, half of it is tried.
-    """
+    """Yield measured and wanted state; receive the input, None to start from half."""
     F, B = plant()
     rng = np.random.default_rng(stages)
     state = np.zeros(STATES)
@@ -178,10 +172,7 @@ def stagewise_definite(stages: int, level: str, loop: Loop | None = None) -> Seq
 
 
 def condensed(stages: int, level: str, loop: Loop | None = None) -> Sequence:
-    """Return the sequence in u_0, ..., u_{N-1} alone, dense; `loop` as in `stagewise`.
-
-    x = (x_1, ..., x_N) is T x_0 + S u; its limits are the rows of G.
-    """
+    """Return it in u_0, ..., u_{N-1} alone, dense; (x_1, ..., x_N) is T x_0 + S u."""
     F, B = plant()
     powers = [np.eye(STATES)]
     for _ in range(stages):

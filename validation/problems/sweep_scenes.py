@@ -44,10 +44,7 @@ def paper_start(m: int) -> np.ndarray:
 
 
 def with_contact(A: Any) -> BoxLCP:
-    """Return an LCP in which about half of the z*_i are zero.
-
-    Strictly complementary z*, w*: exponentially distributed, w*_i in units of a_ii.
-    """
+    """Return an LCP, strictly complementary, in which about half the z*_i are zero."""
     A, n, rng = canonical(A), A.shape[0], np.random.default_rng(0)
     free, size = rng.random(n) < 0.5, rng.exponential(size=n)
     z, w = size * free, size * ~free * A.diagonal()
@@ -97,11 +94,7 @@ def nonsymmetric_h_plus(n: int, radius: float = 0.9) -> BoxLCP:
 
 
 def problem_classes() -> dict[str, BoxLCP]:
-    """Return one scene of each class of the stability map, none of which needs data.
-
-    Two of the singular contact scenes: one nearly an M-matrix, one with entries of both
-    signs.
-    """
+    """Return one scene of each class of the stability map, none of which needs data."""
     return {
         "dominant M-matrix": with_contact(paper_example(1, 20).A),
         "Laplacian": halfline(*forced_obstacle(20)),

@@ -162,10 +162,7 @@ def asked(child: Bench, index: int) -> Row:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run what is not done yet; return 1 if an answer of nam is never to be given.
-
-    The peers have one seed of one set.
-    """
+    """Run what is not done; return 1 if an answer of nam is never to be given."""
     tally = Tally(args.csv, cli.begin(SOLVERS))  # more of them may come later
     solvers = machine.installed(args.solvers)
     for name, solver, seed in itertools.product(args.classes, solvers, args.seeds):

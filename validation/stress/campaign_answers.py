@@ -27,10 +27,7 @@ def clean(qp: Any) -> Any:
 
 
 def qpsolvers_problem(case: cases.Case) -> qpsolvers.Problem:
-    """Return a clean QP for qpsolvers, without rows that are switched off.
-
-    It is sparse (csc_matrix) where P is passed sparse.
-    """
+    """Return a clean QP without rows that are switched off, sparse where P is."""
     P, q, G, h, A, b, lb, ub = clean(case.problem)
     on = h < np.inf
     G, h = G[on], h[on]

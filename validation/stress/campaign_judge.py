@@ -228,10 +228,7 @@ def judge_malformed(answer: Answer, name: str) -> tuple[str, str]:
 def judge_qp(
     qp: Any, truth: str, answer: Answer, tolerance: Tolerance, proofs: bool
 ) -> tuple[str, str]:
-    """Return the outcome for a QP, and why it is not right.
-
-    truth: as `fuzzed.qps` has it, but for "ask". proofs: certificates are judged.
-    """
+    """Return the outcome, and why it is not right; truth as in `fuzzed.qps`."""
     said = answer.said
     if said == "error":
         fitting = truth in ("not convex", "near", "far") and issubclass(

@@ -100,10 +100,7 @@ def linear(draw: Draw, n: int) -> np.ndarray:
 
 
 def indefinite(draw: Draw, n: int) -> np.ndarray:
-    """Return a matrix with a curvature of at most -1e-3 of its size in one direction.
-
-    With a positive diagonal or not; n >= 1.
-    """
+    """Return a matrix with a curvature of at most -1e-3 of its size; n >= 1."""
     P = semidefinite(draw, n)
     d = draw.rng.standard_normal(n)
     d /= np.linalg.norm(d)

@@ -74,10 +74,7 @@ def sparse_form(rng: Rng, values: np.ndarray) -> Any:
 
 
 def wrap_loose(rng: Rng, values: np.ndarray, layout: str, wrap: Any) -> Any:
-    """Return a matrix with entries out of order, in two parts, or zeros stored.
-
-    Its indices may be 64-bit, its arrays longer than they need be or read-only.
-    """
+    """Return a matrix with entries out of order, in two parts, or zeros stored."""
     rows, columns = np.nonzero(values)
     zeros = rng.random(values.shape) < 0.05 * rng.integers(0, 2)
     i = np.concatenate((rows, np.nonzero(zeros & (values == 0.0))[0]))
@@ -205,10 +202,7 @@ def spoil(rng: Rng, arguments: Arguments) -> tuple[Arguments, str]:
 
 
 def dress(rng: Rng, arguments: Arguments) -> Arguments:
-    """Return the arguments, clean arrays, each in a random representation.
-
-    Absent rows and bounds are left out or passed empty.
-    """
+    """Return the arguments, clean arrays, each in a random representation."""
     sparse = bool(rng.random() < 0.4)
     mixed = bool(rng.random() < 0.1)
     dressed: Arguments = {}

@@ -58,10 +58,7 @@ def box(draw: Draw, n: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def planted(draw: Draw, A: np.ndarray, weak: float = 0.1) -> LCP:
-    """Return an LCP in a random box around a random complementary pair (z, w).
-
-    A share `weak` of those at a bound has w = 0.
-    """
+    """Return an LCP around a random pair (z, w); a share `weak` at bounds has w = 0."""
     n = A.shape[0]
     lower, upper = box(draw, n)
     place = draw.rng.integers(0, 3, n)  # at lower, at upper, between
@@ -242,10 +239,7 @@ def far_scales(draw: Draw) -> Truth:
 
 
 def without_solution(draw: Draw, skew: bool) -> LCP:
-    """Return a semidefinite A with A v = 0, v >= 0, and q with q'v < 0.
-
-    In whole numbers: with A v = 1e-16 there would be a solution with |z| = 1e16.
-    """
+    """Return semidefinite A, A v = 0, v >= 0, q'v < 0, in whole numbers: exactly so."""
     draw.whole = True
     n = order(draw)
     v = draw.positive(n) * draw.some(n, 0.7)
@@ -316,10 +310,7 @@ def strictly_copositive(draw: Draw) -> Truth:
 
 
 def copositive(draw: Draw) -> Truth:
-    """Take a nonnegative matrix plus a semidefinite one, and a planted solution.
-
-    There may be others, and rays on the way: a refusal is no failure.
-    """
+    """Take a nonnegative and a semidefinite matrix, and a planted solution."""
     n = order(draw)
     A = np.abs(draw.matrix(n, n)) + semidefinite(draw, n)
     z = draw.positive(n) * draw.some(n, 0.5)

@@ -167,10 +167,7 @@ def any_solvable(draw: Draw) -> tuple[QP, Array]:
 
 
 def rescaled(draw: Draw, decades: float) -> QP:
-    """Return a solvable QP in other units: of rows, columns, cost, x, or all of them.
-
-    Every factor is 10^U(-decades, decades).
-    """
+    """Return a solvable QP in other units, with factors 10^U(-decades, decades)."""
     qp, _ = any_solvable(draw)
     P, q, G, h, A, b, lb, ub = qp
     n = q.size
@@ -317,10 +314,7 @@ def nearly_feasible(draw: Draw) -> Truth:
 
 
 def descending(draw: Draw) -> tuple[QP, Array, Array]:
-    """Return a feasible QP, a direction along which it falls, and a feasible point.
-
-    The direction d has P d = 0, A d = 0, G d <= 0, q'd < 0.
-    """
+    """Return a feasible QP, d with P d = A d = 0, G d <= 0, q'd < 0, and a point."""
     qp, x = any_solvable(draw)
     n = x.size
     d = draw.numbers(n) * draw.some(n, 0.6)

@@ -34,10 +34,7 @@ def scene_of(
 def moved(
     centre: np.ndarray, shape: np.ndarray, ratio: float, seed: int, down: np.ndarray
 ) -> Bodies:
-    """Return bodies of random masses from 1 to `ratio`, pushed at random.
-
-    shape (k, 3): moments of inertia of unit masses.
-    """
+    """Return bodies of random masses, pushed; shape: inertia of unit masses."""
     rng = np.random.default_rng(seed)
     mass = ratio ** rng.random(len(centre))
     velocity = PUSH * STEP * rng.standard_normal((len(centre), 6))
@@ -50,10 +47,7 @@ def moved(
 def lattice(
     place: list[Place], centre: np.ndarray, steps: Sequence[Place], up: np.ndarray
 ) -> Iterator[Touch]:
-    """Yield the contacts of unit discs or balls, on the floor and `steps` away.
-
-    The last number of a place is its row.
-    """
+    """Yield the contacts on the floor and `steps` away; a place ends with its row."""
     index = {at: k for k, at in enumerate(place)}
     for at, k in index.items():
         if at[-1] == 0:
@@ -66,10 +60,7 @@ def lattice(
 
 
 def pile_of_discs(rows: int, mu: float, ratio: float = 2.0, seed: int = 0) -> Scene:
-    """Return unit discs in rows of decreasing length on a floor, from a lattice.
-
-    Each touches its neighbours in its row, and two discs below.
-    """
+    """Return unit discs in rows; each touches its neighbours and two discs below."""
     place = [(i, r) for r in range(rows) for i in range(rows - r)]
     centre = np.array([(2.0 * i + r, 1.0 + np.sqrt(3.0) * r, 0.0) for i, r in place])
     touches = lattice(place, centre, ((-1, 0), (0, -1), (1, -1)), -BELOW)
@@ -78,10 +69,7 @@ def pile_of_discs(rows: int, mu: float, ratio: float = 2.0, seed: int = 0) -> Sc
 
 
 def wall_of_bricks(rows: int, mu: float, ratio: float = 2.0, seed: int = 0) -> Scene:
-    """Return bricks 2 x 1 in running bond, as many in a row as there are rows.
-
-    A brick lies on the halves of two others, two points each.
-    """
+    """Return bricks 2 x 1 in running bond, each on the halves of two others."""
     place = [(i, r) for r in range(rows) for i in range(rows)]
     index = {at: k for k, at in enumerate(place)}
     centre = np.array([(2.0 * i + r % 2, r + 0.5, 0.0) for i, r in place])
