@@ -27,11 +27,7 @@ def writer(
 
 
 class Growing:
-    """A CSV file that gets row by row what it does not have yet.
-
-    `keys` are the columns that say what a row is about; `rows` are all its rows, those
-    that were there as text.
-    """
+    """A CSV file that gets row by row what it, told by its columns `keys`, has not."""
 
     def __init__(self, rows: list[Row], keys: Names, write: Any) -> None:
         self.rows, self.keys, self.write = rows, keys, write

@@ -26,10 +26,7 @@ def largest(*arrays: np.ndarray) -> float:
 
 
 def sign_violation(problem: Problem, solution: Solution) -> float:
-    """Return the largest entry of a multiplier with a sign that it must not have.
-
-    z >= 0; z_box <= 0 without an upper bound, >= 0 without a lower one, else free.
-    """
+    """Return the largest entry of a multiplier with a sign that it must not have."""
     *_, lb, ub = parts(problem)
     z = np.zeros(0) if solution.z is None else np.asarray(solution.z)
     z_box = np.zeros(0) if solution.z_box is None else np.asarray(solution.z_box)

@@ -54,11 +54,7 @@ def is_ours(solver: str) -> bool:
 
 
 def limit_beside(ours: list[float], most: float) -> float:
-    """Return the time limit [s] of a peer where namlcp has taken `ours`, if it solved.
-
-    It is given PEER_TIMES as long, at least PEER_LEAST, and at most `most`: for figures
-    that need no more than that a peer is late.
-    """
+    """Return the limit [s] of a peer where namlcp has taken `ours`, if it solved."""
     return min(most, max(PEER_LEAST, PEER_TIMES * min(ours, default=most)))
 
 

@@ -74,11 +74,7 @@ DELTAS = (4.0, 2.0, 1.0, 0.5, 0.25, 0.1, 0.03, 0.01, 0.0)
 
 
 def outcome(scene: BoxLCP, method: str, **given: Any) -> int | str:
-    """Return the number of sweeps, or what happened instead.
-
-    The library's own verdict ends a run early; here growth is told from a cycle, and
-    what is still falling from what is not.
-    """
+    """Return the number of sweeps, or what happened instead, by the history of Res."""
     A, q, *box = scene
     start = np.clip(0.0, *box)
     first = natural_residual(start, A @ start + q, *box)

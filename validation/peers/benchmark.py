@@ -51,10 +51,7 @@ SEEDS = 40  # of each random family
 def measure(
     job: Job, problem_set: str, name: str, eps: float, load: Any = data_sets.load
 ) -> Row:
-    """Time a solver on a problem and judge its first answer: the work of a child.
-
-    load(data, set, name) returns the problem.
-    """
+    """Time a solver on load(data, set, name) and judge its first answer."""
     problem = load(job.data, problem_set, name)
     settings = qp_solvers.settings(job.solver, eps, job.limit)
     for tiny in qps.tiny_problems(problem):

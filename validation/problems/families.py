@@ -69,10 +69,7 @@ def quadcopter(stages: int) -> Task:
 
 
 def linear_svm(points: int, features: int = 20) -> Task:
-    """Return a linear SVM with squared hinge loss, as its users write it.
-
-    min 1/2 |w|^2 + 1/2 sum xi_i^2 subject to y_i x_i'w + xi_i >= 1.
-    """
+    """Return min |w|^2 / 2 + sum xi_i^2 / 2 subject to y_i x_i'w + xi_i >= 1."""
     X, y = known.two_clouds(points, features)
     G = sp.csc_matrix(sp.hstack([-(y[:, None] * X), -sp.eye_array(points)]))
     n = features + points
@@ -96,12 +93,7 @@ STORED = {
 
 
 def families(data: Path | None) -> dict[str, Family]:
-    """Return the families by name, with what the data folder has of them.
-
-    obstacle: on 100 x 100, 50 x 50 and 22 x 22 nodes; contact: without friction, many A
-    are singular; MPC: condensed and sparse; SVM: up to 10^4 points; general QP:
-    everything a QP may have; paper: for the sweeps and method="auto" alone.
-    """
+    """Return the families by name, with what the data folder has of them."""
     from namlcp.lcp import SWEEPS
 
     X, y = known.svm_data(data)

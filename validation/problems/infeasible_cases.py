@@ -112,10 +112,7 @@ def shaped(arrays: list[np.ndarray], dense: bool) -> Problem:
 
 
 def random_infeasible(seed: int, n: int, m: int, p: int, dense: bool) -> Case:
-    """Add to a solvable problem a row that contradicts a combination of others.
-
-    Of all rows if dense, else of four; P is definite, singular or zero in turn.
-    """
+    """Add a row that contradicts others: of all if dense, else of four."""
     rng = np.random.default_rng(seed)
     rank = (n, n // 2, 0)[seed % 3]
     P, q, G, h, A, b, lb, ub = random_feasible(rng, n, m, p, rank, dense)
@@ -178,10 +175,7 @@ def linear_program(cost: np.ndarray, problem: Problem) -> Any:
 
 
 def fix_outside(problem: Problem) -> Problem | None:
-    """Hold the first variable that the others' constraints bound above beyond that.
-
-    None if there is no such variable among the first twenty.
-    """
+    """Hold one of the first variables beyond what the constraints allow."""
     P, q, G, h, A, b, lb, ub = qps.parts(problem)
     for j in range(min(q.size, 20)):
         cost, low, high = np.zeros(q.size), lb.copy(), ub.copy()
@@ -245,10 +239,7 @@ def is_feasible(problem: Problem) -> bool | None:
 
 
 def is_unbounded(problem: Problem) -> bool | None:
-    """Ask HiGHS whether a direction of recession in [-1, 1] descends.
-
-    None if it cannot tell, or by less than DESCENT and more than LEVEL.
-    """
+    """Ask HiGHS whether a ray in [-1, 1] descends; None if it cannot tell."""
     P, q, G, h, A, _, lb, ub = qps.parts(problem)
     G = sp.csr_matrix(G)[np.isfinite(h)]
     still = sp.vstack([sp.csr_matrix(P), sp.csr_matrix(A)])

@@ -111,10 +111,7 @@ def ball_obstacle(m: int) -> BoxLCP:
 
 
 def ball_solution(m: int) -> np.ndarray:
-    """Return the exact solution of `ball_obstacle` on all m x m nodes.
-
-    sqrt(1 - r^2) up to the contact radius, B - A ln r outside.
-    """
+    """Return sqrt(1 - r^2) up to the contact radius, B - A ln r outside."""
     line = np.linspace(-2.0, 2.0, m)
     r = np.hypot(line[:, None], line)
     inside = np.sqrt(1.0 - np.minimum(r, CONTACT_RADIUS) ** 2)

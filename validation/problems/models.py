@@ -383,11 +383,7 @@ def lp_face(x: Any, m: int, rng: Rng) -> Terms:
 
 
 def to_and_fro(n: int, m: int, kind: str) -> cp.Problem:
-    """Return a problem of a matrix with given sums; one equation is redundant.
-
-    The nearest doubly stochastic matrix; assignment at least cost, a degenerate LP;
-    transport with integer costs, an LP with many solutions.
-    """
+    """Return a problem of a matrix with given sums; one equation is redundant."""
     rng, X = np.random.default_rng(n), cp.Variable((n, m), nonneg=True)
     rows = cp.sum(X, axis=1) == m / n, cp.sum(X, axis=0) == 1.0
     if kind == "birkhoff":

@@ -197,10 +197,7 @@ def lcp_faults(lcp: Any, z: np.ndarray, eps_rel: float) -> str:
 
 
 def lcp_ray_faults(lcp: Any, v: np.ndarray) -> str:
-    """Return what is wrong with a proof that an LCP has no solution, "" if it holds.
-
-    v is 0 on the side of every finite bound, q'v + max z'A'v = -1 over z in the box.
-    """
+    """Return what is wrong with a proof that an LCP has no solution, "" if it holds."""
     A, q, lower, upper = lcp
     if not np.isfinite(v).all():
         return "ray: not finite"
