@@ -10,16 +10,8 @@ import math
 import re
 from pathlib import Path
 
-from validation.claims.figures import (
-    TABLE,
-    Figures,
-    Spec,
-    claims,
-    figure,
-    of,
-    read,
-    where,
-)
+from validation.claims import figures
+from validation.claims.figures import Figures, Spec, claims
 from validation.harness import Row, cli, csv_files, tables
 
 DOCUMENTS = (
@@ -73,8 +65,10 @@ def taken(results: Path) -> str:
 
 def crossed(spec: Spec, results: Path) -> str:
     """Return a table with a line for each value of `down`, see claims.toml."""
-    rows = where(read(results / f"{spec['file']}.csv"), spec.get("where", "True"))
-    keys = list(zip(*(of(rows, down) for down in spec["down"].values()), strict=True))
+    rows = figures.read(results / f"{spec['file']}.csv")
+    rows = figures.where(rows, spec.get("where", "True"))
+    columns = (figures.of(rows, down) for down in spec["down"].values())
+    keys = list(zip(*columns, strict=True))
     lines = []
     for key in sorted(set(keys)):
         own = [row for row, found in zip(rows, keys, strict=True) if found == key]
@@ -89,7 +83,7 @@ def cell(rows: list[Row], spec: Spec, here: str) -> str:
     texts = []
     for part in spec["cells"]:
         entries = {key: str(entry).replace("HERE", here) for key, entry in part.items()}
-        value = figure(rows, entries)
+        value = figures.figure(rows, entries)
         if not math.isnan(value) and value != part.get("hide"):
             form = part.get("format")
             texts.append(form.format(value) if form else tables.short(value))
@@ -99,9 +93,9 @@ def cell(rows: list[Row], spec: Spec, here: str) -> str:
 def table(name: str, known: Figures, results: Path) -> str:
     if name.startswith("claims "):
         return of_claims(name.removeprefix("claims "), known)
-    return (
-        taken(results) if name == "taken" else crossed(TABLE["tables"][name], results)
-    )
+    if name == "taken":
+        return taken(results)
+    return crossed(figures.TABLE["tables"][name], results)
 
 
 def written(text: str, known: Figures, results: Path = cli.RESULTS) -> str:

@@ -25,22 +25,9 @@ from typing import Any, NamedTuple
 from validation.harness import Bench, Job, Row, cli, csv_files, machine, tables
 from validation.problems import infeasible_cases
 from validation.problems.fuzzed import cases
+from validation.stress import campaign_answers as answers
+from validation.stress import campaign_judge as judge
 from validation.stress import campaign_relations as relations
-from validation.stress.campaign_answers import (
-    NAM,
-    NAM_LCP,
-    ask_nam,
-    ask_peer,
-    clean,
-    qpsolvers_problem,
-)
-from validation.stress.campaign_judge import (
-    Answer,
-    Tolerance,
-    judge_lcp,
-    judge_malformed,
-    judge_qp,
-)
 
 SOLVERS = ["nam", "osqp", "piqp", "proxqp", "clarabel", "daqp", "quadprog"]
 SETS = (*cases.CYCLES, *relations.RELATIONS)
@@ -107,7 +94,7 @@ def read(path: Path) -> Iterator[Row]:
 def truth_of(case: cases.Case) -> str:
     if case.truth != "ask":
         return case.truth
-    problem = qpsolvers_problem(case)
+    problem = answers.qpsolvers_problem(case)
     feasible = infeasible_cases.is_feasible(problem)
     descends = infeasible_cases.is_unbounded(problem)
     if None in (feasible, descends):
@@ -117,21 +104,25 @@ def truth_of(case: cases.Case) -> str:
     return "both" if descends else "infeasible"
 
 
-def judged(case: cases.Case, answer: Answer, own: bool) -> tuple[str, str, str]:
+def judged(case: cases.Case, answer: judge.Answer, own: bool) -> tuple[str, str, str]:
     """Return what is true, the outcome, and why it is not right."""
     if case.group in cases.MALFORMED:
-        return "malformed", *judge_malformed(answer, case.truth)
+        return "malformed", *judge.judge_malformed(answer, case.truth)
     if "P" not in case.arguments:
-        return case.truth, *judge_lcp(case.problem, case.truth, answer, NAM_LCP)
-    truth = truth_of(case)
-    tolerance = NAM if own else Tolerance(EPS, EPS, LOOSE)
-    return truth, *judge_qp(clean(case.problem), truth, answer, tolerance, own)
+        told = case.problem, case.truth, answer, answers.NAM_LCP
+        return case.truth, *judge.judge_lcp(*told)
+    truth, qp = truth_of(case), answers.clean(case.problem)
+    tolerance = answers.NAM if own else judge.Tolerance(EPS, EPS, LOOSE)
+    return truth, *judge.judge_qp(qp, truth, answer, tolerance, own)
 
 
 def examine(case: cases.Case, solver: str, limit: float) -> Row:
     own = solver == "nam"
     start = time.perf_counter()
-    answer = ask_nam(case)[0] if own else ask_peer(case, solver, EPS, limit)
+    if own:
+        answer, _ = answers.ask_nam(case)
+    else:
+        answer = answers.ask_peer(case, solver, EPS, limit)
     seconds = time.perf_counter() - start
     truth, outcome, why = judged(case, answer, own)
     return {"truth": truth, "outcome": outcome, "why": why, "time": seconds}

@@ -5,11 +5,14 @@ as integers) or of normal ones, with a share of zeros.
 """
 
 import numpy as np
-import scipy.linalg
 
 MOST_VARIABLES, MOST_ROWS = 60, 120
 WHOLE = 0.35  # share of the problems that have whole numbers alone
 DENSITIES = (1.0, 1.0, 0.5, 0.2, 0.08)
+
+
+def symmetric(M: np.ndarray) -> np.ndarray:
+    return (M + M.T) / 2.0
 
 
 class Draw:
@@ -61,63 +64,48 @@ class Draw:
     def matrix(self, rows: int, n: int) -> np.ndarray:
         return self.numbers(rows, n) * (self.rng.random((rows, n)) < self.density)
 
+    def definite(self, n: int) -> np.ndarray:
+        F = self.matrix(n, n)
+        return F @ F.T + np.eye(n)
 
-def symmetric(M: np.ndarray) -> np.ndarray:
-    return (M + M.T) / 2.0
+    def semidefinite(self, n: int) -> np.ndarray:
+        """Return F F' of a random rank below n, from 0 on."""
+        F = self.matrix(n, int(self.rng.integers(0, max(n, 1))))
+        return F @ F.T
 
+    def ill_conditioned(self, n: int, decades: float = 8.0) -> np.ndarray:
+        """Return a definite matrix with eigenvalues from 10^-decades to 1."""
+        V, _ = np.linalg.qr(self.rng.standard_normal((n, n)))
+        values = 10.0 ** -np.linspace(0.0, decades, n)
+        return symmetric((V * values) @ V.T)
 
-def definite(draw: Draw, n: int) -> np.ndarray:
-    F = draw.matrix(n, n)
-    return F @ F.T + np.eye(n)
+    def nearly_singular(self, n: int) -> np.ndarray:
+        """Return a semidefinite matrix plus 10^U(-12, -6) of its size times I."""
+        P = self.semidefinite(n)
+        return P + self.power(-12, -6) * max(1.0, np.abs(P).max(initial=0.0)) * np.eye(
+            n
+        )
 
+    def diagonal(self, n: int) -> np.ndarray:
+        """Return a diagonal of positive numbers, a fifth of them zero."""
+        return np.diag(self.positive(n) * self.some(n, 0.8))
 
-def semidefinite(draw: Draw, n: int) -> np.ndarray:
-    """Return F F' of a random rank below n, from 0 on."""
-    F = draw.matrix(n, int(draw.rng.integers(0, max(n, 1))))
-    return F @ F.T
+    def linear(self, n: int) -> np.ndarray:
+        return np.zeros((n, n))
 
+    def indefinite(self, n: int) -> np.ndarray:
+        """Return a matrix with a curvature of at most -1e-3 of its size; n >= 1."""
+        P = self.semidefinite(n)
+        d = self.rng.standard_normal(n)
+        d /= np.linalg.norm(d)
+        depth = max(1.0, np.abs(P).max()) * self.power(-3, 0) + d @ P @ d
+        return symmetric(P - depth * np.outer(d, d))
 
-def ill_conditioned(draw: Draw, n: int, decades: float = 8.0) -> np.ndarray:
-    """Return a definite matrix with eigenvalues from 10^-decades to 1."""
-    V, _ = np.linalg.qr(draw.rng.standard_normal((n, n)))
-    values = 10.0 ** -np.linspace(0.0, decades, n)
-    return symmetric((V * values) @ V.T)
-
-
-def nearly_singular(draw: Draw, n: int) -> np.ndarray:
-    """Return a semidefinite matrix plus 10^U(-12, -6) of its size times I."""
-    P = semidefinite(draw, n)
-    return P + draw.power(-12, -6) * max(1.0, np.abs(P).max(initial=0.0)) * np.eye(n)
-
-
-def diagonal(draw: Draw, n: int) -> np.ndarray:
-    """Return a diagonal of positive numbers, a fifth of them zero."""
-    return np.diag(draw.positive(n) * draw.some(n, 0.8))
-
-
-def linear(draw: Draw, n: int) -> np.ndarray:
-    return np.zeros((n, n))
-
-
-def indefinite(draw: Draw, n: int) -> np.ndarray:
-    """Return a matrix with a curvature of at most -1e-3 of its size; n >= 1."""
-    P = semidefinite(draw, n)
-    d = draw.rng.standard_normal(n)
-    d /= np.linalg.norm(d)
-    depth = max(1.0, np.abs(P).max()) * draw.power(-3, 0) + d @ P @ d
-    return symmetric(P - depth * np.outer(d, d))
+    def any_cost(self, n: int) -> np.ndarray:
+        return COSTS[int(self.rng.integers(len(COSTS)))](self, n)
 
 
 COSTS = (
-    definite, semidefinite, semidefinite, linear, ill_conditioned, nearly_singular,
-    diagonal,
+    Draw.definite, Draw.semidefinite, Draw.semidefinite, Draw.linear,
+    Draw.ill_conditioned, Draw.nearly_singular, Draw.diagonal,
 )  # fmt: skip
-
-
-def any_cost(draw: Draw, n: int) -> np.ndarray:
-    return COSTS[int(draw.rng.integers(len(COSTS)))](draw, n)
-
-
-def block_diagonal(*blocks: np.ndarray) -> np.ndarray:
-    """Return the blocks along the diagonal; a block may be empty."""
-    return np.asarray(scipy.linalg.block_diag(*blocks))

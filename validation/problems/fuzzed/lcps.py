@@ -13,18 +13,10 @@ It returns A, q, lower, upper and what is true of them:
 from typing import NamedTuple
 
 import numpy as np
+import scipy.linalg
 
 from namlcp.scenes.friction import friction_lcp
-from validation.problems.fuzzed.draw import (
-    MOST_VARIABLES,
-    Draw,
-    block_diagonal,
-    definite,
-    diagonal,
-    ill_conditioned,
-    semidefinite,
-    symmetric,
-)
+from validation.problems.fuzzed.draw import MOST_VARIABLES, Draw, symmetric
 from validation.problems.general import games, piles
 
 INF = np.inf
@@ -83,21 +75,21 @@ def order(draw: Draw) -> int:
 
 def positive_definite(draw: Draw) -> Truth:
     n = order(draw)
-    A = definite(draw, n)
+    A = draw.definite(n)
     if draw.chance(0.5):
-        A = ill_conditioned(draw, n, draw.rng.uniform(0.0, 8.0))
+        A = draw.ill_conditioned(n, draw.rng.uniform(0.0, 8.0))
     return random_side(draw, A), "solvable"
 
 
 def positive_semidefinite(draw: Draw) -> Truth:
     """Symmetric, of any rank, with a planted solution."""
-    return planted(draw, semidefinite(draw, order(draw))), "solvable"
+    return planted(draw, draw.semidefinite(order(draw))), "solvable"
 
 
 def degenerate_pairs(draw: Draw) -> Truth:
     """Symmetric semidefinite or definite; most of those at a bound have w = 0."""
     n = order(draw)
-    A = definite(draw, n) if draw.chance(0.5) else semidefinite(draw, n)
+    A = draw.definite(n) if draw.chance(0.5) else draw.semidefinite(n)
     return planted(draw, A, weak=0.8), "solvable"
 
 
@@ -157,21 +149,21 @@ def triangular(draw: Draw) -> Truth:
 def skew_and_definite(draw: Draw) -> Truth:
     n = order(draw)
     K = draw.matrix(n, n)
-    A = K - K.T + draw.one_of(1.0, 0.1, 0.01) * definite(draw, n)
+    A = K - K.T + draw.one_of(1.0, 0.1, 0.01) * draw.definite(n)
     return random_side(draw, A), "solvable"
 
 
 def optimality(draw: Draw) -> Truth:
     n = max(order(draw) // 2, 1)
-    P, G = semidefinite(draw, n), draw.matrix(draw.size(1, n), n)
-    A = block_diagonal(P, np.zeros((G.shape[0],) * 2))
+    P, G = draw.semidefinite(n), draw.matrix(draw.size(1, n), n)
+    A = scipy.linalg.block_diag(P, np.zeros((G.shape[0],) * 2))
     A[:n, n:], A[n:, :n] = -G.T, G
     return planted(draw, A), "solvable"
 
 
 def zero_or_diagonal(draw: Draw) -> Truth:
     n = order(draw)
-    A = diagonal(draw, n) * draw.one_of(0.0, 1.0)
+    A = draw.diagonal(n) * draw.one_of(0.0, 1.0)
     return planted(draw, A), "solvable"
 
 
@@ -209,9 +201,9 @@ def scaled_lcp(draw: Draw, decades: float) -> LCP:
     """Return D A D of a definite or planted semidefinite A, and q, bounds to match."""
     n = order(draw)
     if draw.chance(0.5):
-        lcp = random_side(draw, definite(draw, n))
+        lcp = random_side(draw, draw.definite(n))
     else:
-        lcp = planted(draw, semidefinite(draw, n))
+        lcp = planted(draw, draw.semidefinite(n))
     d, c = draw.power(-decades, decades, n), draw.power(-decades, decades)
     if draw.chance(0.3):
         d = np.full(n, d[0])
@@ -245,7 +237,7 @@ def without_solution(draw: Draw, skew: bool) -> LCP:
     v = draw.positive(n) * draw.some(n, 0.7)
     v[int(draw.rng.integers(n))] = 1.0
     across = v @ v * np.eye(n) - np.outer(v, v)
-    S = semidefinite(draw, n)
+    S = draw.semidefinite(n)
     if skew:
         K = draw.matrix(n, n)
         S = S + K - K.T
@@ -305,14 +297,14 @@ def game(draw: Draw) -> Truth:
 
 def strictly_copositive(draw: Draw) -> Truth:
     n = order(draw)
-    A = np.abs(draw.matrix(n, n)) + 0.1 * definite(draw, n)
+    A = np.abs(draw.matrix(n, n)) + 0.1 * draw.definite(n)
     return plain(A, draw.numbers(n)), "solvable"
 
 
 def copositive(draw: Draw) -> Truth:
     """Take a nonnegative and a semidefinite matrix, and a planted solution."""
     n = order(draw)
-    A = np.abs(draw.matrix(n, n)) + semidefinite(draw, n)
+    A = np.abs(draw.matrix(n, n)) + draw.semidefinite(n)
     z = draw.positive(n) * draw.some(n, 0.5)
     w = draw.positive(n) * (z == 0.0) * draw.some(n, 0.9)
     return plain(A, w - A @ z), "possible"

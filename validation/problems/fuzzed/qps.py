@@ -15,23 +15,10 @@ It returns the arrays and what is true of them:
 from collections.abc import Callable
 
 import numpy as np
+import scipy.linalg
 
 from namlcp.qp import QP
-from validation.problems.fuzzed.draw import (
-    MOST_ROWS,
-    MOST_VARIABLES,
-    Draw,
-    any_cost,
-    block_diagonal,
-    definite,
-    diagonal,
-    ill_conditioned,
-    indefinite,
-    linear,
-    nearly_singular,
-    semidefinite,
-    symmetric,
-)
+from validation.problems.fuzzed.draw import MOST_ROWS, MOST_VARIABLES, Draw, symmetric
 
 INF, Array = np.inf, np.ndarray
 Truth = tuple[QP, str]
@@ -82,18 +69,18 @@ def with_cost(
     return made
 
 
-strictly_convex = with_cost("strictly_convex", definite)
-semidefinite_cost = with_cost("semidefinite_cost", semidefinite)
-linear_program = with_cost("linear_program", linear)
-condition_1e8 = with_cost("condition_1e8", ill_conditioned)
-nearly_singular_cost = with_cost("nearly_singular_cost", nearly_singular)
-diagonal_cost = with_cost("diagonal_cost", diagonal)
-not_convex = with_cost("not_convex", indefinite, "not convex")
+strictly_convex = with_cost("strictly_convex", Draw.definite)
+semidefinite_cost = with_cost("semidefinite_cost", Draw.semidefinite)
+linear_program = with_cost("linear_program", Draw.linear)
+condition_1e8 = with_cost("condition_1e8", Draw.ill_conditioned)
+nearly_singular_cost = with_cost("nearly_singular_cost", Draw.nearly_singular)
+diagonal_cost = with_cost("diagonal_cost", Draw.diagonal)
+not_convex = with_cost("not_convex", Draw.indefinite, "not convex")
 
 
 def bounds_alone(draw: Draw) -> Truth:
     n = draw.size(1, MOST_VARIABLES)
-    P = any_cost(draw, n)
+    P = draw.any_cost(n)
     none = np.zeros((0, n))
     return planted(draw, P, none, none, box=1.0)[0], "solvable"
 
@@ -101,7 +88,7 @@ def bounds_alone(draw: Draw) -> Truth:
 def degenerate(draw: Draw) -> Truth:
     """Most of what holds has multiplier 0, and half of all rows hold."""
     n, m, p = draw.sizes()
-    P = any_cost(draw, n)
+    P = draw.any_cost(n)
     qp, x = planted(draw, P, draw.matrix(m, n), draw.matrix(p, n), weak=0.7)
     touch = draw.some(m, 0.5)
     return qp._replace(h=np.where(touch, qp.G @ x, qp.h)), "solvable"
@@ -125,7 +112,7 @@ def dependent_rows(draw: Draw, G: Array, A: Array) -> tuple[Array, Array]:
 
 def redundant(draw: Draw) -> Truth:
     n, m, p = draw.sizes()
-    P = any_cost(draw, n)
+    P = draw.any_cost(n)
     G, A = dependent_rows(draw, draw.matrix(m, n), draw.matrix(p, n))
     return planted(draw, P, G, A)[0], "solvable"
 
@@ -135,8 +122,8 @@ def modelled(draw: Draw) -> Truth:
     n, m, p = draw.sizes()
     n = min(n, 45)
     residuals, single = draw.size(1, 15), draw.size(1, n)
-    P = block_diagonal(
-        any_cost(draw, n), np.diag(draw.rng.integers(0, 3, residuals).astype(float))
+    P = scipy.linalg.block_diag(
+        draw.any_cost(n), np.diag(draw.rng.integers(0, 3, residuals).astype(float))
     )
     G = draw.matrix(m, n + residuals)
     G[:, n:] = 0.0
@@ -154,13 +141,13 @@ def large_sparse(draw: Draw) -> Truth:
     draw.density = 0.08
     n = int(draw.rng.integers(50, MOST_VARIABLES + 1))
     m = int(draw.rng.integers(100, MOST_ROWS + 1))
-    return ordinary(draw, any_cost(draw, n), m, draw.size(0, n // 2))
+    return ordinary(draw, draw.any_cost(n), m, draw.size(0, n // 2))
 
 
 def any_solvable(draw: Draw) -> tuple[QP, Array]:
     """Return a QP of any cost, with dependent rows or not, and its solution."""
     n, m, p = draw.sizes()
-    P, G, A = any_cost(draw, n), draw.matrix(m, n), draw.matrix(p, n)
+    P, G, A = draw.any_cost(n), draw.matrix(m, n), draw.matrix(p, n)
     if draw.chance(0.3):
         G, A = dependent_rows(draw, G, A)
     return planted(draw, P, G, A)
@@ -209,7 +196,7 @@ def far_scales(draw: Draw) -> Truth:
 def at_bounds(draw: Draw) -> Truth:
     """Bounds on all variables, most of which hold, some with the multiplier 0."""
     n, m, p = draw.sizes()
-    P, G, A = any_cost(draw, n), draw.matrix(m, n), draw.matrix(p, n)
+    P, G, A = draw.any_cost(n), draw.matrix(m, n), draw.matrix(p, n)
     c = draw.power(-3, 3, n)
     P, q, G, h, A, b, lb, ub = planted(draw, P, G, A, weak=0.3, box=1.0)[0]
     P = symmetric(P * c[:, None] * c)
@@ -241,7 +228,7 @@ def empty(draw: Draw) -> Truth:
     n = int(draw.rng.integers(0, 3))
     if n:
         m, p = ((0, 2), (2, 0), (0, 0))[int(draw.rng.integers(3))]
-        return ordinary(draw, any_cost(draw, n), m, p)
+        return ordinary(draw, draw.any_cost(n), m, p)
     m, p = (int(k) for k in draw.rng.integers(0, 3, 2))
     none = np.zeros(0)
     h = draw.rng.integers(-1, 3, m).astype(float)
@@ -357,7 +344,9 @@ def wild(draw: Draw) -> Truth:
     ub = np.where(draw.some(n, 0.5), np.maximum(lb, draw.numbers(n) + 2.0), INF)
     slack = draw.one_of(0.0, 2.0, 5.0)
     # nearly singular ones HiGHS would call unbounded
-    cost = (definite, semidefinite, linear, diagonal)[int(draw.rng.integers(4))]
+    cost = (Draw.definite, Draw.semidefinite, Draw.linear, Draw.diagonal)[
+        int(draw.rng.integers(4))
+    ]
     qp = QP(
         cost(draw, n), draw.numbers(n), draw.matrix(m, n), draw.numbers(m) + slack,
         draw.matrix(p, n), draw.numbers(p), lb, ub,
@@ -369,7 +358,7 @@ def rounded_cost(draw: Draw) -> Truth:
     """P semidefinite but for its rounding to single precision."""
     n, m, p = draw.sizes()
     draw.whole = False
-    P = semidefinite(draw, n).astype(np.float32).astype(float)
+    P = draw.semidefinite(n).astype(np.float32).astype(float)
     return ordinary(draw, P, m, p)[0], "near"
 
 
