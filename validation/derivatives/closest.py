@@ -200,8 +200,7 @@ def work(job: Job, name: str, group: str, problem: Problem) -> Row:
 
 def requests(args: Args) -> Iterator[Row]:
     for name, group, problem in problems(args.data, args.quick):
-        ask = lambda each=(name, group, problem): each  # noqa: E731
-        yield {"problem": name, "group": group, "ask": ask}
+        yield {"problem": name, "group": group, "ask": (name, group, problem)}
 
 
 SUITE = Suite(

@@ -244,8 +244,7 @@ def work(job: Job, family: str, data: str, counts: tuple[int, int]) -> Row:
 def requests(args: Args) -> Iterator[Row]:
     counts = QUICK_COUNTS if args.quick else COUNTS
     for family, data in FAMILIES:
-        key = {"family": family, "data": data}
-        yield key | {"ask": lambda key=key: (*key.values(), counts)}
+        yield {"family": family, "data": data, "ask": (family, data, counts)}
 
 
 SUITE = Suite(

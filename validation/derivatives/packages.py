@@ -302,8 +302,7 @@ def work(job: Job, case: str, quick: bool) -> Row:
 def requests(args: Args) -> Iterator[Row]:
     for case, solvers in CASES.items():
         for solver in (s for s in solvers if s in args.solvers):
-            ask = lambda case=case: (case, args.quick)  # noqa: E731
-            yield {"case": case, "solver": solver, "ask": ask}
+            yield {"case": case, "solver": solver, "ask": (case, args.quick)}
 
 
 SUITE = Suite(

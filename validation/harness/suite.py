@@ -65,7 +65,7 @@ class Suite:
     `columns` are those of the file, the keys of a request before the bar.
     `requests(args)` yields what is asked, in this order, and may raise a
     MissingDataError at its end. The child does `work(job, *values)` with those of the
-    keys but the solver, or with what the entry "ask" of a request returns. `complete`
+    keys but the solver, or with the entry "ask" of a request. `complete`
     makes of a request and its answer a row of the file, `conclude` of those of all
     solvers the rows of the problem. `quick` replaces usual options in a quick run. With
     `beside` a peer has the limit `limit_beside`, with `alone` every request has a
@@ -244,7 +244,7 @@ class Run:
                 ours = self.ours[self.problem(request)]
                 child.limit = limit_beside(ours, child.limit)
         if "ask" in request:
-            return request | child.ask(*request["ask"]())
+            return request | child.ask(*request["ask"])
         names = [key for key in self.file.keys if key != "solver"]
         return request | child.ask(*(request[name] for name in names))
 

@@ -43,8 +43,7 @@ def requests(args: Args) -> Iterator[Row]:
     for name, scene in scenes(args.data).items():
         lcp = scene.make()
         if not args.quick or lcp.q.size <= QUICK_SIZE:
-            ask = lambda lcp=lcp: (lcp,)  # noqa: E731
-            yield {"scene": name, "of": scene, "lcp": lcp, "ask": ask}
+            yield {"scene": name, "of": scene, "lcp": lcp, "ask": (lcp,)}
 
 
 def conclude(rows: list[Row]) -> list[Row]:
@@ -53,9 +52,9 @@ def conclude(rows: list[Row]) -> list[Row]:
         for row in rows
     }
     found = {solver: a for solver, a in answers.items() if a is not None}
-    about = {"scene": rows[0]["scene"], "n": rows[0]["lcp"].q.size}
-    of = rows[0]["of"], rows[0]["lcp"]
-    return [about | row for row in scene_rows(*of, found)]
+    scene, lcp = rows[0]["of"], rows[0]["lcp"]
+    about = {"scene": rows[0]["scene"], "n": lcp.q.size}
+    return [about | row for row in scene_rows(scene, lcp, found)]
 
 
 def residual_of(scene: BoxLCP, z: np.ndarray | None) -> float:

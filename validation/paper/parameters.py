@@ -116,7 +116,7 @@ def compare(_: Job, scene: known_scenes.BoxLCP, is_example: bool, method: str) -
 def requests(args: Args) -> Iterator[Row]:
     for name, scene in scenes(args.data).items():
         for method in (method for method, sweep in SWEEPS.items() if sweep.takes):
-            ask = lambda each=(scene, "Example" in name, method): each  # noqa: E731
+            ask = scene, "Example" in name, method
             yield {"scene": name, "method": method, "ask": ask}
 
 

@@ -146,7 +146,7 @@ def of_infeasible(args: Args) -> Iterator[Row]:
             key = {"problem": name, "solver": solver, "eps": case.eps}
             key |= {"group": case.group, "truth": case.truth}
             key |= {"variables": case.problem.q.size}
-            yield key | {"ask": lambda case=case: (case.problem, case.eps)}
+            yield key | {"ask": (case.problem, case.eps)}
 
 
 def complete(row: Row) -> Row:

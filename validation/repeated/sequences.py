@@ -99,8 +99,7 @@ def requests(args: Args) -> Iterator[Row]:
                 yield {
                     "scene": name, "size": size, "level": level, "variables": q.size,
                     "inequalities": h.size, "equalities": b.size,
-                    "steps": len(made.vectors),
-                    "ask": lambda made=made: (made, args.eps[0]),
+                    "steps": len(made.vectors), "ask": (made, args.eps[0]),
                 }  # fmt: skip
 
 
