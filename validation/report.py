@@ -48,20 +48,15 @@ class Job(NamedTuple):
 
 
 def suite(
-    file: str,
-    script: str,
-    minutes: float,
-    quick: float = 0.0,
-    plot: bool = False,
-    timed: bool = True,
+    file: str, script: str, minutes: float, quick: float = 0.0, **how: bool
 ) -> Job:
-    """Return the job of a suite: one file, and a chart of it with `plot`."""
+    """Return the job of a suite, timed unless said: a file, a chart with `plot`."""
     name, *options = script.split(" --")
     commands = f"{name} run {{quick}} --csv {{csv}} --go-on --data {{data}}"
     commands += "".join(f" --{option}" for option in options)
-    if plot:
+    if how.get("plot"):
         commands += f"\n{name} plot --csv {{csv}} --figures {{figures}}"
-    return Job(file, commands, minutes, quick, True, timed)
+    return Job(file, commands, minutes, quick, True, how.get("timed", True))
 
 
 JOBS = (

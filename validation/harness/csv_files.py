@@ -27,7 +27,7 @@ def writer(
 
 
 class Growing:
-    """A CSV file that gets row by row what it, told by its columns `keys`, has not."""
+    """A CSV file that grows row by row; the columns `keys` tell what it has."""
 
     def __init__(self, rows: list[Row], keys: Names, write: Any) -> None:
         self.rows, self.keys, self.write = rows, keys, write

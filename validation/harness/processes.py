@@ -59,9 +59,8 @@ def serve(pipe: Connection, work: Work, solver: str, data: Any) -> None:
 class Bench:
     """A child process with one solver, replaced when it hangs or dies.
 
-    work, a function of a module, is what the child does with a request; limit is the
-    time of one solve [s], which may be changed between requests; data is what else the
-    child needs, such as the data folder.
+    work, a function of a module, is what the child does with a request; limit, the time
+    of one solve [s], may be changed between requests; data is what else it needs.
     """
 
     def __init__(self, work: Work, solver: str, limit: float, data: Any = None) -> None:

@@ -181,11 +181,8 @@ def finish(figure: Figure, axes: Any, file: Path, across: str, down: str) -> Non
 
 
 def plot(results: Path, figures: Path) -> None:
-    plot_maps(csv_files.read(results / "stability.csv"), figures)
-    plot_units(csv_files.read(results / "stability-units.csv"), figures)
-
-
-def plot_maps(rows: list[Row], figures: Path) -> None:
+    """Draw c against alpha for every class (column) and method (row), then units."""
+    rows = csv_files.read(results / "stability.csv")
     classes = tables.distinct(rows, "class")
     methods = tables.distinct(rows, "method", "shift")
     figure, grid = plt.subplots(
@@ -213,6 +210,7 @@ def plot_maps(rows: list[Row], figures: Path) -> None:
         fontsize=9,
     )
     finish(figure, grid, figures / "stability-maps.png", "$\\alpha$", "c")
+    plot_units(csv_files.read(results / "stability-units.csv"), figures)
 
 
 def plot_units(rows: list[Row], figures: Path) -> None:

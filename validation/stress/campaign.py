@@ -52,10 +52,9 @@ class Part(NamedTuple):
 class Tally:
     """The counts of a campaign, kept in a CSV.
 
-    A row is a seed, a set of classes, a solver, a class of problems, what is true of
-    them and an outcome; its count, its time, and the indices of the first problems with
-    an outcome that is not right. The rows with the outcome "done" tell how many
-    problems a solver has behind it, and in how many seconds with all that is around.
+    A row has the indices of the first problems with an outcome that is not right. Those
+    with the outcome "done" tell how many problems a solver has behind it, and in how
+    many seconds with all that is around.
     """
 
     def __init__(self, path: Path, header: list[str]) -> None:

@@ -17,11 +17,9 @@ Maker = Callable[[Draw], tuple[Any, str]]
 
 
 class Case(NamedTuple):
-    """A problem.
+    """A QP or LCP, clean and dense, and as it is passed, with what is true of it.
 
-    problem: QP or LCP, clean and dense. arguments: the same as it is passed. truth:
-    as `qps` and `lcps` have it; of malformed input it is the name of
-    the argument.
+    truth: as `qps` and `lcps` have it; of malformed input the name of the argument.
     """
 
     group: str
