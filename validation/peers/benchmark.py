@@ -103,10 +103,9 @@ def of_classes(args: Args) -> Iterator[Row]:
 
 
 def measure_class(job: Job, name: str, size: str, eps: float) -> Row:
-    row = measure(job, name, size, eps, lambda _, *kind: osqp_classes.generate(*kind))
     problem = osqp_classes.generate(name, size)
-    entries = osqp_classes.entries(problem)
-    return row | {"variables": problem.q.size, "entries": entries}
+    about = {"variables": problem.q.size, "entries": osqp_classes.entries(problem)}
+    return about | measure(job, name, size, eps, lambda *_: problem)
 
 
 def of_kinds(kinds: Iterable[str], names: Iterable[str], args: Args) -> Iterator[Row]:
