@@ -55,7 +55,8 @@ def of_claims(part: str, known: Figures) -> str:
 
 def taken(results: Path) -> str:
     files: dict[tuple[str, ...], int] = {}
-    for header in map(csv_files.header, results.glob("*.csv")):
+    headers = map(csv_files.header, results.glob("*.csv"))
+    for header in filter(None, headers):  # history.csv has none
         said = {name: value for name, _, value in (x.partition(": ") for x in header)}
         key = tuple(said.get(name, "") for name in ("commit", "date", "cpu", "load"))
         files[key] = files.get(key, 0) + 1
