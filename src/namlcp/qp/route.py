@@ -58,10 +58,7 @@ def solve_transformed(qp, guess, judge, memory):
 
     A tiny sparse QP is first tried in dense form as it came.
     """
-    if memory is None:
-        memory = Memory()
-    else:
-        qp = memory.recognised(qp)
+    memory = memory or Memory()
     if type(qp.P) is np.ndarray or not (qp.h.size or qp.b.size):
         return solve_by_engines(qp, NO_TRANSFORMS, guess, judge, memory)
     if entries_of(qp) <= TINY_ENTRIES and not memory.dense_failed:

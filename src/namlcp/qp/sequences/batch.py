@@ -168,7 +168,7 @@ def solve_items(
             qp, given = items.item(i)
             guess = make_guess(qp, None, None if starts is None else starts[i])
             # Of this item alone: no other has a part in it.
-            memory = None if "P" in items.stacked else Memory(qp)
+            memory = None if "P" in items.stacked else Memory(qp.P)
             answer = solve_checked(qp, options, guess, start, None, memory, given)
         except Exception as error:  # of any kind: it is the result of this item
             nothing = Point(*np.full((4, 1), np.nan))

@@ -89,7 +89,7 @@ class QPSequence:
         """Keep nothing of earlier solves but the last result."""
         qp = self.qp
         self.sizes = qp.q.size, qp.h.size, qp.b.size
-        self.memory = Memory(qp)
+        self.memory = Memory(qp.P)
         # What solves, see `qp.active`, None if that is nothing for these matrices;
         # whether it has still to take new ones; whether it found `last`.
         self.active_set: Any = kept_for(qp) if not qp.is_dense or is_small(qp) else None
@@ -174,7 +174,7 @@ class QPSequence:
         if "P" in new:
             check_convex(qp.P)
         self.hold_matrices(qp, tuple(given.values()))
-        self.memory.adopt(qp)
+        self.memory.convex = qp.P
         self.is_renewed, self.is_current = True, False
         if self.pause == inf:  # the old ones were not suited
             self.pause = 0.0
