@@ -11,7 +11,7 @@ from scipy.sparse import csc_array, random_array
 from namlcp.checks import transposed
 from namlcp.limits import Limits
 from namlcp.linalg import csc
-from namlcp.qp.certificates import accept_dual, accept_primal
+from namlcp.qp.certificates import accepted
 from namlcp.qp.chain import Chain
 from namlcp.qp.guess import NO_GUESS
 from namlcp.qp.interior.loop import run
@@ -213,11 +213,11 @@ def test_the_norm_of_a_residual_with_nan_is_nan(place):
 
 def weighed(b, y, h, z, lb, ub, s):
     """Return z_box, and the value, its moduli and the 1-norm of the multipliers."""
-    acceptance = plain.module("namlcp.qp.acceptance")
-    found, c, z_box = acceptance.Farkas(), acceptance.Claim(), np.empty(s.size)
+    certificates = plain.module("namlcp.qp.certificates")
+    found, c, z_box = certificates.Farkas(), certificates.Claim(), np.empty(s.size)
     c.p, c.m, c.n = b.size, h.size, s.size
     c.b, c.h, c.lb, c.ub = map(plain.Pointer, (b, h, lb, ub))
-    acceptance.weigh(found, c, *map(plain.Pointer, (y, z, s, z_box)))
+    certificates.weigh(found, c, *map(plain.Pointer, (y, z, s, z_box)))
     return z_box, (found.value, found.moduli, found.lam)
 
 
@@ -249,20 +249,20 @@ def test_multipliers_that_prove_nothing_are_left_out_and_nan_refused():
     G, h = np.array([[-1.0], [1.0], [1.0], [1.0]]), np.array([-1.0, 0.0, np.inf, 5.0])
     qp = make_qp(np.eye(1), np.zeros(1), G, h)
     z = np.array([1.0, 1.0, 3.0, -2.0])
-    proof, residuals = accept_primal(qp, np.zeros(1), np.empty(0), z, TOL)
+    proof, residuals = accepted(qp, (np.zeros(1), np.empty(0), z), None, TOL)
     assert residuals.dual == 0.0
     np.testing.assert_array_equal(proof.z, [1.0, 1.0, 0.0, 0.0])
     z[0] = np.nan
-    assert accept_primal(qp, np.zeros(1), np.empty(0), z, TOL) is None
+    assert accepted(qp, (np.zeros(1), np.empty(0), z), None, TOL) is None
 
 
 def test_a_column_of_tiny_entries_proves_nothing():
     """1e-13 x <= -1 holds far out; x <= 1 with -x <= -2 holds nowhere."""
     one = np.ones(1)
     qp = make_qp([[0.0]], [0.0], [[-1e-13]], [-1.0])
-    assert accept_primal(qp, np.zeros(1), np.empty(0), one, TOL) is None
+    assert accepted(qp, (np.zeros(1), np.empty(0), one), None, TOL) is None
     qp = make_qp([[0.0]], [0.0], [[1e-13], [-1e-13]], [1e-3, -2e-3])
-    assert accept_primal(qp, np.zeros(1), np.empty(0), np.ones(2), TOL) is not None
+    assert accepted(qp, (np.zeros(1), np.empty(0), np.ones(2)), None, TOL) is not None
 
 
 def test_the_difference_of_rows_alike_is_no_proof():
@@ -274,12 +274,12 @@ def test_the_difference_of_rows_alike_is_no_proof():
     a, multipliers = np.array([1.0, 1.0 + d]), np.array([1.0, -1.0]) / d
     tol, none, one = 1e-14, np.empty(0), np.ones(1)
     point = make_qp([[0.0]], [0.0], A=a[:, None], b=a)
-    assert accept_primal(point, one, multipliers, none, tol) is None
+    assert accepted(point, (one, multipliers, none), None, tol) is None
     row = make_qp(np.zeros((2, 2)), a, A=a[None], b=[0.0])
     start = np.ones(2), np.zeros(1), none
-    assert accept_dual(row, *start, multipliers, tol) is None
+    assert accepted(row, start, multipliers, tol) is None
     apart = make_qp([[0.0]], [0.0], A=np.ones((2, 1)), b=a)
-    assert accept_primal(apart, one, multipliers, none, tol) is not None
+    assert accepted(apart, (one, multipliers, none), None, tol) is not None
 
 
 # ---- sparse matrices

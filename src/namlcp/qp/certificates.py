@@ -3,7 +3,7 @@
 Primal infeasible: (y, z >= 0, z_box) with A'y + G'z + z_box = 0 and
 b'y + h'z + lb'z_box^- + ub'z_box^+ = -1 (Farkas). Unbounded: a direction d, q'd = -1,
 with P d = 0, A d = 0, G d <= 0, d in the recession cone of the bounds. Every form
-proposes candidates; `accept_primal` and `accept_dual` alone accept them.
+proposes candidates; `prove_infeasible` and `prove_unbounded` alone accept them.
 
 One bound or one row may prove it alone. Where lb_j > ub_j, z_box_j = 1 / (lb_j - ub_j)
 is the multiplier of both bounds, which cancel each other in the first equation; where
@@ -13,52 +13,294 @@ The test of a Farkas certificate: let r be the residual of the first equation an
 the 1-norm of the multipliers. Every x that violates no constraint by more than t has
 1 <= |r|_inf |x|_1 + t lam. The certificate thus excludes all x with |x|_1 below
 (1 - t lam)/|r|_inf; if r = 0, every x violates some constraint by 1/lam or more.
+
+A test is made in the user's units, then in those that equilibrate P, A and G (see
+`transforms.scaling`): without them a column of tiny entries would have a tiny residual
+for any y and z, and a variable that counts in large units one for any step along it.
+`moduli` is the sum of the moduli of the terms of the value, `margin` the absolute
+tolerance times the 1-norm of the multipliers, t lam, or of the ray.
 """
 
+import cython
 import numpy as np
+from cython import Py_ssize_t
+from cython.cimports.libc.math import INFINITY, NAN, fabs, isinf
+from cython.cimports.namlcp.linalg.arrays import numbers, places
+from cython.cimports.namlcp.linalg.vectors import fill, largest_entry
+from cython.cimports.namlcp.qp.transforms.scaling import Matrix, equilibrate_parts
 
-from namlcp.qp.acceptance import accepted
 from namlcp.qp.bounds import is_box_open
-from namlcp.qp.problem import QP, Point
-from namlcp.residuals import UNDEFINED, Residuals
+from namlcp.qp.problem import Point
+from namlcp.residuals import UNDEFINED
 
+# The value of a certificate, before it is scaled to -1, must be below minus this times
+# the sum of the moduli of its terms, far beyond the rounding errors of the sum.
+VALUE_ROUNDING = 1e3 * 2.0**-52
+# A certificate with a residual, relative to its largest entry, of at most RESIDUAL must
+# exclude all x with |x|_1 up to RADIUS times max(1, |x|_1 of the current point). With a
+# residual of at most EXACT_RESIDUAL, mere rounding, it need not, but must satisfy
+# MARGIN and ROUNDED_VALUE.
+RESIDUAL, RADIUS, EXACT_RESIDUAL = 1e-8, 1e3, 1e-12
+# Largest margin of such a certificate.
+MARGIN = 0.5
+# Largest error of its value, as a part of it: a multiplier is as inexact as the
+# relative residual says, and so is each term of the sum. (Of a ray also: as inexact as
+# |M d| relative to |M| |d|.)
+ROUNDED_VALUE = 1e-2
+# Largest |M d|, relative to |M| |d| row by row, of such a ray.
+CANCELLED = 1e-10
 LARGEST = float(np.finfo(float).max)
-Proof = tuple[Point, Residuals]
-"""A certificate, and as `dual` and `primal` the residuals |A'y + G'z + z_box|, or |P d|
-and the largest of |A d| and (G d)+."""
+# Of what takes one bound or row alone.
 NO_RESIDUAL = UNDEFINED._replace(dual=0.0)
+# A `Proof` is the `Point` of a certificate and, as `dual` and `primal`, the residuals
+# |A'y + G'z + z_box|, or |P d| and the largest of |A d| and (G d)+.
 
 
-def accept_primal(
-    qp: QP, x: np.ndarray, y: np.ndarray, z: np.ndarray, tol: float
-) -> Proof | None:
-    """Return (NaN, y, z, z_box) with value -1 if it proves that no x is feasible.
+def suffices(worst, most, error, margin, moduli, cancels):
+    """Tell whether a certificate is accepted.
 
-    z_box follows from y and z; x is the current point, `tol` the absolute tolerance.
+    worst: its largest residual; most: its largest entry; error: the most that the
+    residual may be at points of the current size; cancels: whether a residual of
+    rounding errors is one.
     """
-    found = accepted(qp, (x, y, z), None, tol)
-    if found is None:
-        return None
-    point = Point(np.full(x.size, np.nan), *found[0])
-    return point, UNDEFINED._replace(dual=found[2])
+    relative, radius = worst / most, RADIUS * error + margin
+    within: cython.bint = relative <= RESIDUAL and radius <= 1.0
+    exact: cython.bint = relative <= EXACT_RESIDUAL and margin <= MARGIN
+    return within or (exact and cancels and relative * moduli <= ROUNDED_VALUE)
 
 
-def accept_dual(
-    qp: QP, x: np.ndarray, y: np.ndarray, z: np.ndarray, d: np.ndarray, tol: float
-) -> Proof | None:
-    """Return (d, NaN, NaN, NaN) with q'd = -1 if it proves unboundedness.
+def weigh(found, c, y, z, s, z_box):
+    """Set z_box to -s = -(G'z + A'y) where a bound allows, and the numbers `found`.
 
-    d is first clipped to the recession cone of the bounds; (x, y, z) is the current
-    point, `tol` the absolute tolerance.
+    The value is b'y + h'z + lb'z_box^- + ub'z_box^+, NaN where a multiplier is.
     """
-    found = accepted(qp, (x, y, z), d, tol)
-    if found is None:
-        return None
-    point = Point(*found[0], *(np.full(v.size, np.nan) for v in (y, z, d)))
-    return point, UNDEFINED._replace(primal=found[1], dual=found[2])
+    found.value = found.moduli = found.lam = 0.0
+    for i in range(c.p):
+        add_term(found, c.b[i], y[i])
+    for i in range(c.m):
+        if z[i] != 0.0:
+            add_term(found, c.h[i], z[i])
+    for j in range(c.n):
+        bound = c.ub[j] if s[j] < 0.0 else c.lb[j]
+        z_box[j] = 0.0 if isinf(bound) else 0.0 - s[j]
+        if z_box[j] != 0.0:
+            add_term(found, bound, z_box[j])
+        found.value += 0.0 * s[j]  # NaN where s is, for what max() may ignore
 
 
-def alone(qp: QP, eps_abs: float, eps_rel: float) -> tuple[str, Proof] | None:
+def add_term(found, side, multiplier):
+    """Add side times multiplier to the value."""
+    found.value += side * multiplier
+    found.moduli += fabs(side * multiplier)
+    found.lam += fabs(multiplier)
+
+
+# ---- certificates of a QP
+
+
+def prove_infeasible(c, x, y, z, z_box):
+    """Make y, z and z_box a certificate with value -1, if y and z allow it.
+
+    x: the point at hand; c.dual becomes the residual.
+    """
+    n, p, s, factor = c.n, c.p, c.r, 1.0
+    found: Farkas
+    for i in range(c.m):
+        if z[i] <= 0.0 or isinf(c.h[i]):  # NaN is kept
+            z[i] = 0.0
+    fill(s, 0.0, n)
+    add_transposed(c.G, z, s)
+    add_transposed(c.A, y, s)
+    weigh(cython.address(found), c, y, z, s, z_box)
+    if not found.value < -VALUE_ROUNDING * found.moduli:
+        return False
+    factor = -1.0 / found.value
+    scale(factor, y, p)
+    scale(factor, z, c.m)
+    scale(factor, z_box, n)
+    for j in range(n):
+        s[j] = factor * s[j] + z_box[j]
+    c.dual = largest_entry(s, n)
+    fill(c.units, 1.0, n + p + c.m)
+    for has_units in range(2):
+        if has_units:
+            equilibrate_parts(cython.NULL, c.A, c.G, n, p, c.m, c.units, c.largest)
+        worst, most = largest_in(s, c.units, n), largest_in(z_box, c.units, n)
+        most = max(most, largest_per(y, c.units + n, p))
+        most = max(most, largest_per(z, c.units + n + p, c.m))
+        margin, moduli = factor * c.tol * found.lam, factor * found.moduli
+        error = max(1.0, sum_per(x, c.units, n)) * worst
+        if not suffices(worst, most, error, margin, moduli, True):
+            return False
+    return True
+
+
+def prove_unbounded(c, x, y, z, d):
+    """Make d a ray with q'd = -1, if that allows it.
+
+    d is clipped to the recession cone of the bounds. (x, y, z): the point at hand;
+    c.dual becomes |P d|, c.primal the largest of |A d| and (G d)+.
+    """
+    n, p, m, r, value, moduli = c.n, c.p, c.m, c.r, 0.0, 0.0
+    for j in range(n):
+        if (d[j] > 0.0 and c.ub[j] < INFINITY) or (d[j] < 0.0 and c.lb[j] > -INFINITY):
+            d[j] = 0.0
+        value += c.q[j] * d[j]
+        moduli += fabs(c.q[j] * d[j])
+    if not value < -VALUE_ROUNDING * moduli:
+        return False
+    scale(-1.0 / value, d, n)
+    moduli /= -value
+    sizes, left = c.largest, 0.0
+    fill(r, 0.0, n + p + m)
+    fill(sizes, 0.0, n + p + m)
+    add_products(c.P, d, r, sizes)
+    add_products(c.A, d, r + n, sizes + n)
+    add_products(c.G, d, r + n + p, sizes + n + p)
+    for i in range(m):
+        r[n + p + i] = 0.0 if isinf(c.h[i]) else max(r[n + p + i], 0.0)
+    for k in range(n + p + m):
+        if not sizes[k] < INFINITY:
+            return False
+        if sizes[k] > 0.0:
+            left = max(left, fabs(r[k]) / sizes[k])
+    c.dual, c.primal = largest_entry(r, n), largest_entry(r + n, p + m)
+    cancels: cython.bint = left <= CANCELLED and left * moduli <= ROUNDED_VALUE
+    units = c.units
+    fill(units, 1.0, n + p + m)
+    margin = c.tol * sum_per(d, units, n)
+    of_x, of_y = max(1.0, sum_per(x, units, n)), max(1.0, sum_per(y, units, p))
+    of_z = max(1.0, sum_per(z, units, m))
+    for has_units in range(2):
+        if has_units:
+            equilibrate_parts(c.P, c.A, c.G, n, p, m, units, c.largest)
+            of_x = of_y = of_z = max(1.0, largest_in(c.q, units, n))
+        cost, equation = largest_in(r, units, n), largest_in(r + n, units + n, p)
+        row = largest_in(r + n + p, units + n + p, m)
+        error = cost * of_x + equation * of_y + row * of_z
+        worst, most = max(cost, max(equation, row)), largest_per(d, units, n)
+        if not suffices(worst, most, error, margin, moduli, cancels):
+            return False
+    return True
+
+
+# ---- vectors and matrices
+
+
+def scale(factor, v, n):
+    """Multiply a vector by a number."""
+    for i in range(n):
+        v[i] *= factor
+
+
+def sum_per(v, units, n):
+    """Return the sum of |v_i / units_i|."""
+    total = 0.0
+    for i in range(n):
+        total += fabs(v[i] / units[i])
+    return total
+
+
+def largest_in(v, units, n):
+    """Return max |v_i units_i|."""
+    largest = 0.0
+    for i in range(n):
+        largest = max(largest, fabs(v[i] * units[i]))
+    return largest
+
+
+def largest_per(v, units, n):
+    """Return max |v_i / units_i|."""
+    largest = 0.0
+    for i in range(n):
+        largest = max(largest, fabs(v[i] / units[i]))
+    return largest
+
+
+def first_of(M, line):
+    """Return where the entries of a line begin."""
+    return line * M.width if M.starts == cython.NULL else M.starts[line]
+
+
+def place_of(M, line, t):
+    """Return the row and the column of entry t of a line."""
+    if M.starts == cython.NULL:
+        return line, t - line * M.width
+    return M.others[t], line
+
+
+def add_products(M, d, out, sizes):
+    """Add M d and |M| |d|."""
+    for line in range(M.lines):
+        for t in range(first_of(M, line), first_of(M, line + 1)):
+            i, j = place_of(M, line, t)
+            term = M.values[t] * d[j]
+            out[i] += term
+            sizes[i] += fabs(term)
+
+
+def add_transposed(M, y, out):
+    """Add M'y."""
+    for line in range(M.lines):
+        for t in range(first_of(M, line), first_of(M, line + 1)):
+            i, j = place_of(M, line, t)
+            if y[i] != 0.0:
+                out[j] += M.values[t] * y[i]
+
+
+# ---- arrays of NumPy
+
+
+def take_matrix(M, array):
+    """Note a matrix, dense or in CSC; return what has its numbers."""
+    if type(array) is np.ndarray:
+        array = np.ascontiguousarray(array, float)
+        M.lines, M.width, M.starts = array.shape[0], array.shape[1], cython.NULL
+        M.values = numbers(array, array.size)
+    else:
+        M.lines, size = array.shape[1], array.indices.size
+        M.starts = places(array.indptr, M.lines + 1)
+        M.others, M.values = places(array.indices, size), numbers(array.data, size)
+    return array
+
+
+def accepted(qp, point, d, tol):
+    """Return a certificate of value -1, a `Proof`, None if there is none.
+
+    point: (x, y, z) at hand, of which y and z are to prove that the QP is infeasible; a
+    ray d, if not None, that it is unbounded. tol: the absolute tolerance.
+    """
+    P: Matrix
+    G: Matrix
+    A: Matrix
+    c: Claim
+    c.P, c.G, c.A = cython.address(P), cython.address(G), cython.address(A)
+    arrays = [np.ascontiguousarray(v, float) for v in (qp.q, qp.h, qp.b, qp.lb, qp.ub)]
+    n: Py_ssize_t = qp.q.size
+    m: Py_ssize_t = qp.h.size
+    p: Py_ssize_t = qp.b.size
+    size = n + m + p
+    c.n, c.m, c.p, c.tol, c.primal, c.dual = n, m, p, tol, NAN, NAN
+    c.q, c.h, c.b = numbers(arrays[0], n), numbers(arrays[1], m), numbers(arrays[2], p)
+    c.lb, c.ub = numbers(arrays[3], n), numbers(arrays[4], n)
+    arrays += [take_matrix(c.P, qp.P), take_matrix(c.G, qp.G), take_matrix(c.A, qp.A)]
+    work = np.empty(3 * size)
+    c.units = numbers(work, 3 * size)
+    c.largest, c.r = c.units + size, c.units + 2 * size
+    x, y, z = (np.array(v, float) for v in point)
+    last = np.empty(n) if d is None else np.array(d, float)
+    of_x, of_y, of_z = numbers(x, n), numbers(y, p), numbers(z, m)
+    of_last = numbers(last, n)
+    if d is None:
+        is_one = prove_infeasible(cython.address(c), of_x, of_y, of_z, of_last)
+        found = Point(np.full(n, NAN), y, z, last)
+    else:
+        is_one = prove_unbounded(cython.address(c), of_x, of_y, of_z, of_last)
+        found = Point(last, *(np.full(k, NAN) for k in (p, m, n)))
+    return (found, UNDEFINED._replace(primal=c.primal, dual=c.dual)) if is_one else None
+
+
+def alone(qp, eps_abs, eps_rel):
     """Return why one bound, or one row, proves that no x is feasible, if one does.
 
     Bounds contradict each other if no x is within tolerance of both.
@@ -85,6 +327,6 @@ def alone(qp: QP, eps_abs: float, eps_rel: float) -> tuple[str, Proof] | None:
     return f"row {i} of G has h = -inf", (proof, NO_RESIDUAL)
 
 
-def largest(*vectors: np.ndarray) -> float:
+def largest(*vectors):
     """Return the largest modulus of all entries, 0 for none."""
     return max(float(np.abs(v).max(initial=0.0)) for v in vectors)

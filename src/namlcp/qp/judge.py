@@ -24,7 +24,7 @@ from scipy.linalg.blas import dnrm2
 from namlcp.checks import matrix
 from namlcp.linalg import asymmetry, is_clean_csc
 from namlcp.outcome import FINAL, Outcome
-from namlcp.qp.certificates import accept_dual, accept_primal
+from namlcp.qp.certificates import accepted
 from namlcp.qp.problem import Point
 from namlcp.qp.rounding import correct_rounding, is_correctable
 from namlcp.residuals import Residuals, qp_residuals
@@ -146,13 +146,13 @@ class Judge:
 
         The certificate is kept.
         """
-        proof = accept_primal(self.checked, x, y, z, self.limits.eps_abs)
+        proof = accepted(self.checked, (x, y, z), None, self.limits.eps_abs)
         return self.keep(Status.PRIMAL_INFEASIBLE, proof)
 
     def accept_ray(self, d, point=None):
         """Tell whether the QP is unbounded along d; the certificate is kept."""
         x, y, z, _ = point or self.qp.point()
-        proof = accept_dual(self.checked, x, y, z, d, self.limits.eps_abs)
+        proof = accepted(self.checked, (x, y, z), d, self.limits.eps_abs)
         return self.keep(Status.DUAL_INFEASIBLE, proof)
 
     def keep(self, status, proof):

@@ -38,12 +38,6 @@ from cython.cimports.namlcp.linalg.vectors import (
     fill,
     largest_entry,
 )
-from cython.cimports.namlcp.qp.acceptance import (
-    Claim,
-    Matrix,
-    prove_infeasible,
-    prove_unbounded,
-)
 from cython.cimports.namlcp.qp.active.engine import (
     CONTRADICTION,
     DONE,
@@ -68,6 +62,12 @@ from cython.cimports.namlcp.qp.active.proximal import (
     set_shape,
     solve_at_hand,
     wanted_rho,
+)
+from cython.cimports.namlcp.qp.certificates import (
+    Claim,
+    Matrix,
+    prove_infeasible,
+    prove_unbounded,
 )
 
 from namlcp.linalg import definite
