@@ -224,13 +224,13 @@ def mark_item(m):
 def serves(own, m):
     """Tell whether a solve has left factors that serve: good ones, of the same rows."""
     strict = m.held_n - m.qp.p + m.qp.n - m.free_n
-    if own.skipped > 0 or own.kept_k != strict:
+    if own.skipped > 0 or own.k != strict:
         return False
     last: Py_ssize_t = -1
-    for i in range(own.kept_k):
-        row = own.kept_active[i]
+    for i in range(own.k):
+        row = own.active[i]
         last += i + 1
-        root = own.kept_triangle[last]
+        root = own.triangle[last]
         if m.strict[row] == 0 or root * root < LEAST_PIVOT * response_of(own, row)[row]:
             return False
     return True
@@ -351,17 +351,17 @@ def correct_by_kept(own, m):
         own.rhs[j] = m.lower[j] if m.strict[qp.m + j] == 0 else 0.0
     copy(m.s, own.rhs + n, p)
     own.set_values(own.rhs, values)  # (G u, u, nu) without the active rows
-    for i in range(own.kept_k):
-        k = own.kept_active[i]
+    for i in range(own.k):
+        k = own.active[i]
         if k < qp.m:
             goal = m.of_z[k] - dot(m.G + k * n, m.u, n)
         else:
             goal = m.of_box[k - qp.m] - m.u[k - qp.m]
         goals[i] = values[k] - goal
-    triangle_solve(own.kept_triangle, own.kept_k, goals)
-    triangle_solve_transposed(own.kept_triangle, own.kept_k, goals)
-    for i in range(own.kept_k):
-        k = own.kept_active[i]
+    triangle_solve(own.triangle, own.k, goals)
+    triangle_solve_transposed(own.triangle, own.k, goals)
+    for i in range(own.k):
+        k = own.active[i]
         add_scaled(-goals[i], response_of(own, k), values, own.length)
         if k < qp.m:
             m.lam[k] += goals[i]

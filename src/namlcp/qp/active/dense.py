@@ -48,6 +48,7 @@ from cython.cimports.namlcp.qp.active.engine import (
     UNSUITED,
     claim_place,
     forget_responses,
+    forget_rows,
     lay_out_rows,
     reals,
     set_base_values,
@@ -360,7 +361,7 @@ def prepare(m):
 def solve_anew(m, wanted):
     """Solve the same QP from nothing, with the W wanted."""
     m.wanted, m.is_ready = wanted, False
-    m.k, m.kept_k, m.hints = 0, 0, 0
+    forget_rows(m)
     return proved(m, solve_dense(m))
 
 

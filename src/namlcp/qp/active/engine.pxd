@@ -51,19 +51,16 @@ cdef class ActiveSet(Watched):
         double *direction
         double *scale
         # Active rows: index, multiplier, the triangle L with L L' = S; side of every row:
-        # 1 at h or ub, -1 at lb, 0 if not active. The same of the last solved QP.
+        # 1 at h or ub, -1 at lb, 0 if not active.
         Py_ssize_t *active
         Py_ssize_t *side
-        Py_ssize_t *kept_active
-        Py_ssize_t *kept_side
         double *multiplier
         double *triangle
-        double *kept_triangle
-        # Active rows now and in the last solved QP; changes since L was computed from S,
-        # now and then; rows of a hint, and the one tried now; whether rows have
-        # changed in this solve; whether no other solve follows that depends on it.
-        Py_ssize_t k, age, kept_age
-        public Py_ssize_t kept_k, hints
+        # Active rows; rows of a hint, which are in the place of active ones until the next
+        # solve; changes since L was computed from S; whether rows have changed since mu and
+        # s were; whether no other solve follows that depends on it.
+        readonly Py_ssize_t k, hints
+        Py_ssize_t age
         bint changed, is_single
         # L^-1 w_F, S^-1 w_F, right-hand sides of S, Givens rotations.
         double *coefficient
@@ -120,7 +117,7 @@ cdef class ActiveSet(Watched):
         # with other matrices.
         readonly bint is_ready, is_slow_anew
         char *memory
-        size_t memory_size, memory_end
+        size_t memory_end
         # What keeps the arrays behind the pointers alive; the point that was made last.
         readonly object matrices, vectors, point
         readonly int code
@@ -150,6 +147,7 @@ cdef bint is_pinned(ActiveSet m, Py_ssize_t row) noexcept nogil
 cdef double* response_of(ActiveSet m, Py_ssize_t row) noexcept nogil
 cdef double* claim_place(ActiveSet m, Py_ssize_t row) noexcept nogil
 cdef void forget_responses(ActiveSet m) noexcept nogil
+cdef void forget_rows(ActiveSet m) noexcept nogil
 cdef void subtract_responses(ActiveSet m, const double* factor, Py_ssize_t k, double* s) noexcept nogil
 cdef void solve_active(ActiveSet m, double* v) noexcept nogil
 cdef void subtract_active(ActiveSet m, double* values) noexcept nogil

@@ -98,28 +98,23 @@ class ActiveSet(Watched):
         """Set Px = P x."""
 
     def begin(self):
-        """Set the base solution, and make the rows of the last solved QP active.
+        """Set the base solution; keep the active rows of the last QP, or of a hint.
 
-        These less lost sides, and those of a hint, the first m.hints kept, that are
-        independent. False if the factors do not allow it.
+        These less lost sides, and rows of a hint that depend on others. False if the
+        factors do not allow it.
         """
         set_base_values(self)
-        for i in range(self.k):
-            self.side[self.active[i]] = 0
-        self.k, self.changed, self.operations = self.kept_k, False, 0.0
-        self.age = self.kept_age if self.k > 0 else 0
-        for i in range(self.k):
-            self.active[i] = self.kept_active[i]
-            self.side[self.active[i]] = self.kept_side[i]
-        copy(self.kept_triangle, self.triangle, self.k * (self.k + 1) // 2)
+        self.operations = 0.0
+        self.age = self.age if self.k > 0 else 0
         for i in range(self.k - 1, -1, -1):
             row = self.active[i]
             if isinf(goal_of(self, row, self.side[row])):
                 self.remove(i)
-        for i in range(self.hints):
-            row, side = self.kept_active[i], self.kept_side[i]
-            is_new: cython.bint = self.side[row] == 0 and self.k < self.most
-            if is_new and not isinf(goal_of(self, row, side)):
+        hints, self.hints = self.hints, 0
+        for i in range(hints):
+            row = self.active[i]
+            side, self.side[row] = self.side[row], 0
+            if self.k < self.most and not isinf(goal_of(self, row, side)):
                 rest = rest_of(self, row)
                 if is_independent(self, row, rest, DEPENDENT_HINT):
                     self.append(row, side, 0.0, rest)
@@ -214,8 +209,7 @@ def lay_out_rows(m):
     m.best, m.change, m.scale = reals(m, length), reals(m, length), reals(m, rows)
     m.best_multiplier, m.multiplier = reals(m, most + 1), reals(m, most + 1)
     m.active, m.side = indices(m, most + 1), indices(m, rows)
-    m.kept_active, m.kept_side = indices(m, most + 1), indices(m, most + 1)
-    m.triangle, m.kept_triangle = reals(m, size), reals(m, size)
+    m.triangle = reals(m, size)
     m.coefficient, m.ratio = reals(m, most + 1), reals(m, most + 1)
     m.work = reals(m, most + 1)
     m.cosines, m.sines = reals(m, most), reals(m, most)
@@ -228,21 +222,22 @@ def lay_out_rows(m):
 
 
 def make_room(m):
-    """Take memory for the sizes at hand, and forget what an earlier QP has left."""
-    memory, m.memory, m.memory_end = m.memory, cython.NULL, 0
-    most = m.most
+    """Give all vectors their places, at first in new memory, and forget the factors.
+
+    The active rows of a QP with other matrices become a hint.
+    """
+    is_new: cython.bint = m.memory == cython.NULL
+    m.memory_end = 0
     m.lay_out()
-    if m.memory_end > m.memory_size or memory == cython.NULL:
-        free(memory)
-        m.memory_size = 0
-        memory = cython.cast(cython.p_char, malloc(m.memory_end))
-        if memory == cython.NULL:
+    if is_new:
+        m.memory = cython.cast(cython.p_char, malloc(m.memory_end))
+        if m.memory == cython.NULL:
             raise MemoryError("a QP of this size needs more memory than there is")
-        m.memory_size = m.memory_end
-    m.memory, m.memory_end, m.most = memory, 0, most
-    m.lay_out()
+        m.memory_end = 0
+        m.lay_out()
+        for row in range(m.rows):
+            m.side[row] = 0
     m.is_ready, m.skipped, m.rho = False, 0, 0.0
-    m.k, m.kept_k, m.hints, m.kept_age = 0, 0, 0, 0
     return 0
 
 
@@ -283,14 +278,21 @@ def claim_place(m, row):
 
 
 def forget_responses(m):
-    """Forget all responses; the active rows of the last solve become a hint."""
+    """Forget all responses; active rows become a hint."""
     for i in range(m.capacity):
         m.owner[i] = -1
     for i in range(m.rows):
-        m.place[i], m.side[i] = -1, 0
-    m.next_place, m.k = 0, 0
-    m.hints += m.kept_k
-    m.kept_k, m.kept_age = 0, 0
+        m.place[i] = -1
+    m.next_place = 0
+    m.hints += m.k
+    m.k = 0
+
+
+def forget_rows(m):
+    """Begin the next solve without active rows."""
+    for i in range(m.k + m.hints):
+        m.side[m.active[i]] = 0
+    m.k, m.hints = 0, 0
 
 
 def subtract_responses(m, factor, k, s):

@@ -123,16 +123,9 @@ def are_within(m, rounding):
 
 
 def verdict(m):
-    """Return STUCK where the point is not within tolerance, else DONE or SUMMED.
-
-    Then its active rows are those of the last solved QP.
-    """
+    """Return STUCK where the point is not within tolerance, else DONE or SUMMED."""
     if not are_within(m, 0.0) or is_far(m):
         return STUCK
-    for i in range(m.k):
-        m.kept_active[i], m.kept_side[i] = m.active[i], m.side[m.active[i]]
-    m.kept_k, m.kept_age, m.hints = m.k, m.age, 0
-    m.triangle, m.kept_triangle = m.kept_triangle, m.triangle
     return DONE if are_within(m, ROUNDING) else SUMMED
 
 

@@ -74,13 +74,13 @@ class NullSpace(DenseActiveSet):
         Where that fails, the active rows of the last solved QP are a hint for the other
         form, which has no factor of theirs.
         """
-        if self.is_free and self.is_ready and self.kept_k > 0 and self.hints == 0:
+        if self.is_free and self.is_ready and self.k > 0:
             self.on_face = True
             found = proved(self, solve_dense(self))
             self.on_face, self.face_is_kept = False, found == DONE
             if found != STUCK:
                 return found
-            self.hints, self.kept_k = self.kept_k, 0
+            self.hints, self.k = self.k, 0
         found = proved(self, solve_dense(self))
         bounds: Py_ssize_t = 0
         for i in range(self.k):
@@ -119,17 +119,11 @@ class NullSpace(DenseActiveSet):
     def begin(self):
         if not self.on_face:
             return DenseActiveSet.begin(self)
+        self.operations, self.base_size = 0.0, 0.0
         for i in range(self.k):
-            self.side[self.active[i]] = 0
-        self.k, self.changed, self.operations = self.kept_k, False, 0.0
-        self.age, self.base_size = self.kept_age, 0.0
-        for i in range(self.k):
-            row, side = self.kept_active[i], self.kept_side[i]
-            self.active[i] = row
-            if isinf(goal_of(self, row, side)):
-                self.face_is_kept = False
-            else:
-                self.side[row] = side
+            row = self.active[i]
+            if isinf(goal_of(self, row, self.side[row])):
+                self.side[row], self.face_is_kept = 0, False
         if not self.face_is_kept and not factor_face(self):
             return False
         set_load(self)
@@ -203,6 +197,7 @@ class NullSpace(DenseActiveSet):
                 return False
             set_load(self)
             set_face_point(self)
+        self.changed = False
         return True
 
 

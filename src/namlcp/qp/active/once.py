@@ -114,15 +114,13 @@ def is_slow_anew(m: Any) -> bool:
     """Tell whether others are quicker after `renew`: all active rows need responses."""
     if not isinstance(m, SparseActiveSet) or m.is_slow_anew:
         return m.is_slow_anew
-    k = max(m.kept_k, m.hints)
+    k = m.k + m.hints
     return k * m.response_operations + k**3 / 3 > MOST_ANEW * m.most_operations
 
 
 def renew(m: Any, qp: QP) -> None:
     """Take other matrices of the same sizes; the active rows become a hint."""
-    hints = max(m.kept_k, m.hints)
     if qp.is_dense:
         solve.attach(m, qp.P, qp.G, qp.A, False)
     else:
         m.attach(qp.P, qp.G, qp.A)
-    m.hints = hints  # the numbers of the rows are still in memory

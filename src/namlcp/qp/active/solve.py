@@ -32,6 +32,7 @@ from cython.cimports.namlcp.qp.active.engine import (
     UNBOUNDED,
     claim_place,
     forget_responses,
+    forget_rows,
     make_room,
     response_of,
 )
@@ -310,16 +311,15 @@ def suggest_signs(m, z, z_box):
 
     None are noted if there are too many of them.
     """
-    m.kept_k, m.hints = 0, 0
+    forget_rows(m)
     for row in range(m.rows):
         sign = z[row] if row < m.m else z_box[row - m.m]
         if sign > 0.0 or (sign < 0.0 and row >= m.m):
-            if m.hints < m.most:
-                m.kept_active[m.hints] = row
-                m.kept_side[m.hints] = 1 if sign > 0.0 else -1
+            if m.hints == m.most:
+                forget_rows(m)
+                return
+            m.active[m.hints], m.side[row] = row, 1 if sign > 0.0 else -1
             m.hints += 1
-    if m.hints > m.most:
-        m.hints = 0
 
 
 def suggest_point(m, x0):
@@ -466,7 +466,7 @@ def solve_items(
             m.lb, m.ub = data[6] + i * width[6], data[7] + i * width[7]
             m.x, m.y, m.z = out[0] + i * n, out[1] + i * p, out[2] + i * rows
             m.z_box = out[3] + i * n
-            m.kept_k, m.hints = 0, 0
+            forget_rows(m)
             m.is_ready = m.is_ready and m.wanted == wanted and not has_new_matrices
             m.wanted = wanted
             code[i] = m.decide()
@@ -497,17 +497,16 @@ def factors_of(m: DenseActiveSet):
     place_of_vectors(other, m.vectors)
     other.point = m.point
     other.x, other.y, other.z, other.z_box = m.x, m.y, m.z, m.z_box
-    other.is_ready, other.kept_k = True, m.kept_k
-    other.skipped = m.skipped
+    other.is_ready, other.skipped = True, m.skipped
     copy(m.factor, other.factor, m.n * m.n)
     copy(m.equations, other.equations, m.p * m.n)
     copy(m.schur, other.schur, m.p * m.p)
-    copy(m.kept_triangle, other.kept_triangle, m.kept_k * (m.kept_k + 1) // 2)
+    copy(m.triangle, other.triangle, m.k * (m.k + 1) // 2)
     forget_responses(other)
-    other.hints, other.kept_k = 0, m.kept_k
-    for i in range(m.kept_k):
-        row = m.kept_active[i]
-        other.kept_active[i], other.kept_side[i] = row, m.kept_side[i]
+    other.k = m.k
+    for i in range(m.k):
+        row = m.active[i]
+        other.active[i], other.side[row] = row, m.side[row]
         copy(response_of(m, row), claim_place(other, row), m.length)
     return other
 
