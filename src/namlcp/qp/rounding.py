@@ -64,7 +64,7 @@ def correct_rounding(qp, point, found, eps_abs, eps_rel):
         trials = iter((new,))
         gap_tol = eps_abs + eps_rel * seen.gap_size
         if seen.gap > gap_tol and seen.dual <= tol:
-            trials = gap_corrections(qp, new, seen.gap, gap_tol, tol - seen.dual)
+            trials = gap_corrections(qp, new, gap_tol, tol - seen.dual)
         for trial in trials:
             worst = qp_residuals(*qp, *trial).worst(eps_abs, eps_rel)
             if worst < least:
@@ -130,22 +130,20 @@ def gauss_seidel(P, qp, point, r, tol, left):
     return 0
 
 
-def gap_corrections(qp, point, size, tol, dual_left):
-    """Yield the point with its gap, of modulus `size`, reduced in three ways.
+def gap_corrections(qp, point, tol, dual_left):
+    """Yield the point with its gap reduced by x, then by multipliers, too.
 
-    By x; by multipliers, which add at most `dual_left` to the dual residual; by these
-    after x has removed what the rounding of the large sums allows.
+    These add at most `dual_left` to the dual residual.
     """
-    moved, least = correct_gap_by_x(qp, point, tol)
+    moved = correct_gap_by_x(qp, point, tol)
     yield moved
-    for start, gap in ((point, size), (moved, least)):
-        new = correct_gap_by_multipliers(qp, start, gap, tol, dual_left)
-        if new is not start:
-            yield new
+    new = correct_gap_by_multipliers(qp, moved, tol, dual_left)
+    if new is not moved:
+        yield new
 
 
 def correct_gap_by_x(qp, point, tol):
-    """Return the point with x changed for the least gap, and the gap's modulus.
+    """Return the point with x changed for the least gap.
 
     The gap g has the gradient v = 2 Px + q in x. The least change -g v/v'v of the
     variables inside their bounds removes it but for rounding; the next ones, by a
@@ -173,11 +171,11 @@ def correct_gap_by_x(qp, point, tol):
             best, least = point, abs(gap)
         if least <= tol:
             break
-    return best, least
+    return best
 
 
-def correct_gap_by_multipliers(qp, point, size, tol, dual_left):
-    """Return the point with its gap, of modulus `size`, removed by multipliers.
+def correct_gap_by_multipliers(qp, point, tol, dual_left):
+    """Return the point with its gap removed by multipliers.
 
     First all multipliers of one sum s'z, such as ub'z_box^+, change together, by -g
     s/s's for the gap g; ub'z_box^+ is first, being added last and thus rounded least.
@@ -202,7 +200,7 @@ def correct_gap_by_multipliers(qp, point, size, tol, dual_left):
     ends = 0, p, p + m, p + m + n, count
     groups = [(ends[k], ends[k + 1]) for k in (3, 2, 1, 0)]
     k = np.flatnonzero(usable)
-    step = size / np.abs(side[k])
+    step = abs(gap) / np.abs(side[k])
     single = step * largest[k] <= dual_left
     single &= (k < p) | (np.abs(multiplier[k]) > step)
     turns = k[single]
