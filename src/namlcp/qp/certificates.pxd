@@ -5,28 +5,17 @@ cdef double VALUE_ROUNDING, RESIDUAL, RADIUS, EXACT_RESIDUAL, MARGIN, ROUNDED_VA
 # Of a Farkas certificate: its value, the sum of the moduli of the terms of that, and the
 # 1-norm of the multipliers.
 cdef struct Farkas:
-    double value
-    double moduli
-    double lam
+    double value, moduli, lam
 
 # A QP for which something is claimed; three vectors of n + p + m numbers to work with; the
 # residuals of the certificate.
 cdef struct Claim:
     Py_ssize_t n, m, p
-    Matrix *P
-    Matrix *G
-    Matrix *A
-    const double *q
-    const double *h
-    const double *b
-    const double *lb
-    const double *ub
+    Matrix *P, *G, *A
+    const double *q, *h, *b, *lb, *ub
     double tol
-    double *units
-    double *largest
-    double *r
-    double primal
-    double dual
+    double *units, *largest, *r
+    double primal, dual
 
 cdef bint suffices(double worst, double most, double error, double margin, double moduli, bint cancels) noexcept nogil
 cdef void weigh(Farkas* found, const Claim* c, const double* y, const double* z, const double* s, double* z_box) noexcept nogil

@@ -4,15 +4,9 @@ from namlcp.qp.active.engine cimport ActiveSet, Code
 cdef class DenseActiveSet(ActiveSet):
     cdef:
         # The matrices, row by row; not owned.
-        const double *P
-        const double *G
-        const double *A
+        const double *P, *G, *A
         # L, then V, the rows of T', U; a vector V r, one of a product with U.
-        double *factor
-        double *equations
-        double *schur
-        double *half
-        double *schur_work
+        double *factor, *equations, *schur, *half, *schur_work
         # Bounds that are none.
         double *no_bound
         # Whether factors are made by LAPACK.

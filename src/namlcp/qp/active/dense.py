@@ -53,9 +53,7 @@ from cython.cimports.namlcp.qp.active.engine import (
     reals,
     set_base_values,
 )
-from cython.cimports.namlcp.qp.active.judgement import (
-    is_faulty,
-)
+from cython.cimports.namlcp.qp.active.judgement import is_faulty
 from cython.cimports.namlcp.qp.active.proximal import (
     NO_WEIGHT,
     RHO,

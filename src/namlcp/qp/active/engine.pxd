@@ -32,30 +32,18 @@ cpdef enum Code:
 cdef class ActiveSet(Watched):
     cdef:
         # The vectors of the problem, and where the point is to be; not owned.
-        const double *q
-        const double *h
-        const double *b
-        const double *lb
-        const double *ub
-        double *x
-        double *y
-        double *z
-        double *z_box
+        const double *q, *h, *b, *lb, *ub
+        double *x, *y, *z, *z_box
         # Sizes; rows = m + n inequalities and bounds, length = rows + p; the most active
         # rows, the most responses; equations that depend on others.
         Py_ssize_t n, m, p, rows, length, most, capacity, skipped
         # Values of the rows, see `steps`, at the base point and now, their change for a
         # multiplier that grows; 1 over the norms of the rows.
-        double *s0
-        double *s
-        double *direction
-        double *scale
+        double *s0, *s, *direction, *scale
         # Active rows: index, multiplier, the triangle L with L L' = S; side of every row:
         # 1 at h or ub, -1 at lb, 0 if not active.
-        Py_ssize_t *active
-        Py_ssize_t *side
-        double *multiplier
-        double *triangle
+        Py_ssize_t *active, *side
+        double *multiplier, *triangle
         # Active rows; rows of a hint, which are in the place of active ones until the next
         # solve; changes since L was computed from S; whether rows have changed since mu and
         # s were; whether no other solve follows that depends on it.
@@ -63,35 +51,17 @@ cdef class ActiveSet(Watched):
         Py_ssize_t age
         bint changed, is_single
         # L^-1 w_F, S^-1 w_F, right-hand sides of S, Givens rotations.
-        double *coefficient
-        double *ratio
-        double *work
-        double *cosines
-        double *sines
+        double *coefficient, *ratio, *work, *cosines, *sines
         # Responses, the place of each row's (-1: none), the row of each place.
         double *responses
-        Py_ssize_t *place
-        Py_ssize_t *owner
+        Py_ssize_t *place, *owner
         Py_ssize_t next_place
         # Products of the point; right-hand sides; the change of a refinement; the best
         # values and multipliers before it.
-        double *Px
-        double *Gx
-        double *Ax
-        double *Gtz
-        double *Aty
-        double *rhs
-        double *change
-        double *best
-        double *best_multiplier
+        double *Px, *Gx, *Ax, *Gtz, *Aty, *rhs, *change, *best, *best_multiplier
         # Of `proximal`: W, what it is made of; the centre of a round; the
         # direction of conjugate gradients with the values of rows, and P times it.
-        double *weight
-        double *shape
-        double *reach
-        double *centre
-        double *along
-        double *Palong
+        double *weight, *shape, *reach, *centre, *along, *Palong
         # rho in W, 0 without W; what it is to be over that of the data, 0 for W only
         # where P has no good factor, NO_WEIGHT for never; the largest diagonal entry of P.
         readonly double rho

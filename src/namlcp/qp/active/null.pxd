@@ -10,14 +10,10 @@ cdef class NullSpace(DenseActiveSet):
         Py_ssize_t *free
         double *free_triangle
         # T, a held row every most_free numbers, and R with R R' = T T'.
-        double *held_rows
-        double *held_triangle
+        double *held_rows, *held_triangle
         # P_B x_B; right-hand sides and solutions of the system of the face; what is left
         # of a gradient, or of a row and zeros for the equations.
-        double *load
-        double *free_part
-        double *held_part
-        double *slope
+        double *load, *free_part, *held_part, *slope
         # Free variables, and at most (0: never this form); active rows of G, which come
         # before the active bounds.
         Py_ssize_t free_count, most_free, held

@@ -7,10 +7,8 @@ cdef class SparseActiveSet(ActiveSet):
     cdef:
         # The upper triangle of K, of order `size`, and the values of K~, with the arrays
         # of `kkt`; the rows of G and A, those of `matrices` and `by_row`.
-        const int *indptr
-        const int *indices
-        double *base
-        double *data
+        const int *indptr, *indices
+        double *base, *data
         Columns G, A
         object kkt, by_row
         Py_ssize_t size
@@ -19,9 +17,7 @@ cdef class SparseActiveSet(ActiveSet):
         Py_ssize_t passes
         readonly double response_operations
         # Units of (x, y) in which K is equilibrated; the diagonal of P; a residual.
-        double *unit
-        double *cost
-        double *rest
+        double *unit, *cost, *rest
 
     cdef bint factor_and_try(self) except -1
 
