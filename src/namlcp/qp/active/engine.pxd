@@ -10,7 +10,6 @@ cdef enum:
     MOST_PIVOTS = 10
     GROWN = 3
     MOST_SORTED = 64
-    MOST_AGE = 50
 
 
 cpdef enum Code:
@@ -45,10 +44,9 @@ cdef class ActiveSet(Watched):
         Py_ssize_t *active, *side
         double *multiplier, *triangle
         # Active rows; rows of a hint, which are in the place of active ones until the next
-        # solve; changes since L was computed from S; whether rows have changed since mu and
-        # s were; whether no other solve follows that depends on it.
+        # solve; whether rows have changed since mu and s were computed from these; whether no
+        # other solve follows that depends on it.
         readonly Py_ssize_t k, hints
-        Py_ssize_t age
         bint changed, is_single
         # L^-1 w_F, S^-1 w_F, right-hand sides of S, Givens rotations.
         double *coefficient, *ratio, *work, *cosines, *sines

@@ -55,8 +55,8 @@ BASE_ROUNDING = 4e-16
 # active rows. MOST_PIVOTS: pivots at most, per row and variable; another method is
 # safer for a QP that needs more. A limit of USUAL is not the user's choice, and is
 # exceeded up to GROWN per row and variable; see also m.most_operations.
-# MOST_SORTED: most active rows for which L is always computed anew at the end, which
-# takes k^3 / 6 operations; MOST_AGE: most changes of a larger L before it is.
+# MOST_SORTED: most active rows for which L is computed anew at the end, which takes
+# k^3 / 6 operations.
 
 
 class ActiveSet(Watched):
@@ -105,7 +105,6 @@ class ActiveSet(Watched):
         """
         set_base_values(self)
         self.operations = 0.0
-        self.age = self.age if self.k > 0 else 0
         for i in range(self.k - 1, -1, -1):
             row = self.active[i]
             if isinf(goal_of(self, row, self.side[row])):
@@ -161,14 +160,12 @@ class ActiveSet(Watched):
         """Step 3: mu and s as functions of the active rows alone; False if these fail.
 
         Where no row has entered or left, step 1 has computed just that. A single solve
-        goes without, as there is no other that its answer could differ from; so does
-        one with many active rows, up to MOST_AGE times, with mu and s of the L at hand.
+        goes without, as there is no other that its answer could differ from; one with
+        many active rows takes mu and s of the L at hand.
         """
         if self.changed and not self.is_single:
-            if self.k <= MOST_SORTED or self.age > MOST_AGE:
-                if not factor_active(self):
-                    return False
-                self.age = 0
+            if self.k <= MOST_SORTED and not factor_active(self):
+                return False
             self.set_multipliers()
             self.set_point_values()
         self.changed = False
@@ -369,7 +366,6 @@ def insert_place(m, at, row, side, multiplier):
     m.side[row] = side
     m.k += 1
     m.changed = True
-    m.age += 1
 
 
 def remove_place(m, i):
@@ -379,7 +375,6 @@ def remove_place(m, i):
         m.active[j], m.multiplier[j] = m.active[j + 1], m.multiplier[j + 1]
     m.k -= 1
     m.changed = True
-    m.age += 1
 
 
 # ---- step 1

@@ -40,7 +40,6 @@ from cython.cimports.namlcp.qp.active.dense import (
 from cython.cimports.namlcp.qp.active.engine import (
     DEPENDENT,
     DONE,
-    MOST_AGE,
     MOST_SORTED,
     STUCK,
     goal_of,
@@ -192,8 +191,7 @@ class NullSpace(DenseActiveSet):
         if not self.on_face:
             return DenseActiveSet.finish(self)
         if self.changed:
-            is_anew: cython.bint = self.free_count <= MOST_SORTED or self.age > MOST_AGE
-            if is_anew and not factor_face(self):
+            if self.free_count <= MOST_SORTED and not factor_face(self):
                 return False
             set_load(self)
             set_face_point(self)
@@ -206,7 +204,7 @@ class NullSpace(DenseActiveSet):
 
 def factor_face(m):
     """Compute all factors from the sides of the rows, in sorted order."""
-    m.k, m.held, m.free_count, m.age = 0, 0, 0, 0
+    m.k, m.held, m.free_count = 0, 0, 0
     for row in range(m.rows):
         if m.side[row] != 0:
             m.active[m.k] = row
