@@ -187,10 +187,9 @@ def judge(m, found):
     found: how the pivots ended. After LATE the point is measured alone.
     """
     error, passes = INFINITY, PASSES
-    set_point(m)
-    is_base: cython.bint = m.k == 0 and m.pivots == 0
-    m.set_products(not clip_point(m) and is_base)
     while True:
+        set_point(m)
+        m.set_products(not clip_point(m) and m.k == 0 and m.pivots == 0)
         before, error = error, measure(m)
         if found == LATE:
             return LATE
@@ -211,9 +210,6 @@ def judge(m, found):
             passes -= 1
         else:
             return verdict(m)
-        set_point(m)
-        clip_point(m)
-        m.set_products(False)
 
 
 # ---- a whole solve
