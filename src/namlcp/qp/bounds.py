@@ -28,15 +28,6 @@ from namlcp.qp.problem import Point
 from namlcp.status import Status
 
 
-def box_lcp(qp, matrix=None):
-    """Return a QP with bounds alone as a box LCP; `matrix` is P if it was prepared.
-
-    P is symmetric: its compressed columns are its compressed rows.
-    """
-    matrix = matrix or Prepared.unchecked(qp.P, symmetric=True)
-    return LCP(matrix, qp.q, qp.lb, qp.ub)
-
-
 def is_box_open(lower, upper):
     """Tell whether the box has a finite point."""
     for j in range(lower.shape[0]):
@@ -52,17 +43,19 @@ FORM = "bounds"
 
 def solve_bounds(qp, chain, guess, judge, memory):
     """Solve a QP with bounds alone as a box LCP; None if that decides nothing."""
-    limits = judge.limits
+    limits, z0 = judge.limits, guess.x if guess.x.size else None
     if qp.is_dense:  # to copy and check it may have taken long
         limits.deadline.check()
     large = not qp.is_dense and qp.q.size >= LARGE_LCP
     if large:
         memory.ensure_convex(qp.P, limits.deadline)
-        outcome = solve_large_box(qp, chain, guess, judge, memory)
+        outcome = solve_large_box(qp, chain, z0, judge, memory)
         convex = True
     else:
         inner = Limits(0.0, ACCURACY, limits.max_iter, limits.deadline)
-        attempt = Attempt(box_lcp(qp), guess.start, inner, ask_convex=True)
+        matrix = Prepared.unchecked(qp.P, symmetric=True)  # by columns is by rows
+        lcp = LCP(matrix, qp.q, qp.lb, qp.ub)
+        attempt = Attempt(lcp, z0, inner, ask_convex=True)
         attempt.run()
         if attempt.solved and attempt.convex:  # the residuals of the LCP need no check
             if offer(qp, chain, judge, attempt.best()) <= 1.0:
@@ -92,12 +85,12 @@ def offer(qp, chain, judge, z):
     return judge.offer(chain.point(*box_point(qp, z)))
 
 
-def solve_large_box(qp, chain, guess, judge, memory):
+def solve_large_box(qp, chain, z0, judge, memory):
     """Solve the box LCP with sharper tolerances until the residuals of the QP pass.
 
     The duality gap of the QP adds up the errors of all unknowns.
     """
-    lcp, z0 = box_lcp(qp, memory.prepared(qp.P)), guess.start
+    lcp = LCP(memory.prepared(qp.P), qp.q, qp.lb, qp.ub)
     for eps_rel in SHARPER:
         inner = Limits(0.0, eps_rel, judge.limits.max_iter, judge.limits.deadline)
         found = solve_auto(lcp, z0, inner)

@@ -89,7 +89,6 @@ def weigh(found, c, y, z, s, z_box):
 
 
 def add_term(found, side, multiplier):
-    """Add side times multiplier to the value."""
     found.value += side * multiplier
     found.moduli += fabs(side * multiplier)
     found.lam += fabs(multiplier)
@@ -188,13 +187,11 @@ def prove_unbounded(c, x, y, z, d):
 
 
 def scale(factor, v, n):
-    """Multiply a vector by a number."""
     for i in range(n):
         v[i] *= factor
 
 
 def sum_per(v, units, n):
-    """Return the sum of |v_i / units_i|."""
     total = 0.0
     for i in range(n):
         total += fabs(v[i] / units[i])
@@ -202,7 +199,6 @@ def sum_per(v, units, n):
 
 
 def largest_in(v, units, n):
-    """Return max |v_i units_i|."""
     largest = 0.0
     for i in range(n):
         largest = max(largest, fabs(v[i] * units[i]))
@@ -210,7 +206,6 @@ def largest_in(v, units, n):
 
 
 def largest_per(v, units, n):
-    """Return max |v_i / units_i|."""
     largest = 0.0
     for i in range(n):
         largest = max(largest, fabs(v[i] / units[i]))
@@ -218,12 +213,10 @@ def largest_per(v, units, n):
 
 
 def first_of(M, line):
-    """Return where the entries of a line begin."""
     return line * M.width if M.starts == cython.NULL else M.starts[line]
 
 
 def place_of(M, line, t):
-    """Return the row and the column of entry t of a line."""
     if M.starts == cython.NULL:
         return line, t - line * M.width
     return M.others[t], line
@@ -328,5 +321,4 @@ def alone(qp, eps_abs, eps_rel):
 
 
 def largest(*vectors):
-    """Return the largest modulus of all entries, 0 for none."""
     return max(float(np.abs(v).max(initial=0.0)) for v in vectors)

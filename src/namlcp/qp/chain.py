@@ -26,26 +26,22 @@ class Chain:
         return Point(*parts)
 
     def primal(self, x):
-        """Return the user's x."""
         for transform in self.back:
             x = transform.primal(x)
         return x
 
     def ray(self, d):
-        """Return the direction of the user's x."""
         for transform in self.back:
             d = transform.ray(d)
         return d
 
     def certificate(self, *parts):
-        """Return the user's (y, z)."""
         for transform in self.back:
             parts = transform.certificate(*parts)
         y, z = parts
         return y, z
 
     def guess(self, guess):
-        """Return the guess for the engine."""
         for transform in self.transforms:
             guess = transform.guess(guess)
         return guess

@@ -25,11 +25,6 @@ class Guess(NamedTuple):
     z_box: np.ndarray
     active: np.ndarray
 
-    @property
-    def start(self) -> np.ndarray | None:
-        """Return x, or None where there is no guess."""
-        return self.x if self.x.size else None
-
 
 NO_ENTRIES = np.empty(0)
 NO_GUESS = Guess(

@@ -58,7 +58,6 @@ class Judge:
 
     @property
     def is_solved(self):
-        """Tell whether the best point solves the QP."""
         return self.best <= 1.0
 
     def offer(self, point):

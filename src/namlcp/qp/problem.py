@@ -60,7 +60,6 @@ class QP(NamedTuple):
 
     @property
     def is_dense(self) -> bool:
-        """Tell whether the matrices are ndarrays."""
         return type(self.P) is np.ndarray
 
     def in_dense_form(self) -> "QP":

@@ -189,7 +189,6 @@ def reals(m, count):
 
 
 def indices(m, count):
-    """Return the place of the next `count` indices of the memory."""
     return cython.cast(cython.p_Py_ssize_t, reals(m, count))
 
 
@@ -243,7 +242,6 @@ def make_room(m):
 
 
 def goal_of(m, row, side):
-    """Return the right-hand side of a row at one of its sides."""
     if row < m.m:
         return m.h[row]
     return m.lb[row - m.m] if side < 0 else m.ub[row - m.m]

@@ -217,12 +217,10 @@ def factor_face(m):
 
 
 def held_row(m, i):
-    """Return the coefficients of held row i: an equation, or a row of G."""
     return m.A + i * m.n if i < m.p else m.G + m.active[i - m.p] * m.n
 
 
 def set_free_part(m, vector, out):
-    """Set out to the entries of the free variables."""
     for i in range(m.free_count):
         out[i] = vector[m.free[i]]
 

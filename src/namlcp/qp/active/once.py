@@ -98,16 +98,12 @@ def kept_for(qp: QP) -> Any:
     None where they are sparse, and so large or full that other methods are quicker. It
     holds their arrays, which must not change, and is for one thread.
     """
-    if qp.is_dense:
-        m = NullSpace()
-        solve.attach(m, qp.P, qp.G, qp.A, False)
-        return m
     n, p = qp.q.size, qp.b.size
-    if p > n or n + qp.h.size + p > MOST_LENGTH:
+    if not qp.is_dense and (p > n or n + qp.h.size + p > MOST_LENGTH):
         return None
-    found = SparseActiveSet()
-    found.attach(qp.P, qp.G, qp.A)
-    return found if found.is_ready else None
+    m: Any = NullSpace() if qp.is_dense else SparseActiveSet()
+    renew(m, qp)
+    return m if qp.is_dense or m.is_ready else None
 
 
 def is_slow_anew(m: Any) -> bool:

@@ -246,7 +246,6 @@ def is_rounding(m):
 
 
 def add_weighted(m, v, sum):
-    """Return sum + v'W v."""
     for j in range(m.n):
         sum += m.weight[j] * v[j] * v[j]
     return sum

@@ -78,7 +78,6 @@ ACTIVE = guess.ACTIVE
 
 
 def filled(values, count):
-    """Return how many of the values are not zero."""
     found: Py_ssize_t = 0
     for i in range(count):
         found += values[i] != 0.0
@@ -281,7 +280,6 @@ def is_certain(m):
 
 
 def norm(v, n):
-    """Return the 2-norm, which may overflow."""
     return sqrt(dot(v, v, n))
 
 
@@ -362,7 +360,6 @@ def suggest_solution(m, point):
 
 
 def is_vector(value, size):
-    """Tell whether a clean vector of this size came."""
     return fits(value, 1) and cnp.PyArray_DIM(value, 0) == size
 
 
@@ -527,5 +524,4 @@ def stamp_of(m, matrices):
 
 
 def residuals_found(m: ActiveSet):
-    """Return the `Residuals` of the point."""
     return residuals_of(m.found)

@@ -100,7 +100,6 @@ class QPSequence:
         self.is_whole = True  # not after an error in a solve
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what `STATE` names."""
         return {name: vars(self)[name] for name in STATE}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
