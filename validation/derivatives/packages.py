@@ -76,7 +76,8 @@ def nam(data: Data) -> Pass:
     threads = {"threads": 1} if data.q.ndim > 1 else {}
 
     def backward(result: Any) -> tuple[Any, ...]:
-        result.kept = None  # nothing is kept from an earlier call
+        if not threads:
+            result.kept = None  # nothing is kept from an earlier call
         found = result.backward(dx=g, **threads)
         return found.P, found.q, found.G, found.h
 
