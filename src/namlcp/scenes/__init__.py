@@ -1,1 +1,5 @@
 """Contact with Coulomb friction as LCPs, see `friction`."""
+
+from namlcp.scenes import friction
+
+__all__ = ["friction"]
