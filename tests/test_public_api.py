@@ -1,5 +1,6 @@
 """Names, layering and errors that every user may meet."""
 
+import copy
 import re
 import subprocess
 import sys
@@ -153,3 +154,14 @@ def test_warmup_says_that_it_does_nothing(capsys):
         namlcp.warmup()
     assert main(["--warmup"]) == 0
     assert "does nothing" in capsys.readouterr().err
+
+
+def test_copies_of_a_subclass_hold_what_results_hold():
+    class Own(namlcp.QPResult):
+        pass
+
+    found = namlcp.solve_qp(np.eye(2), np.ones(2))
+    values = {name: getattr(found, name) for name in namlcp.QPResult.__annotations__}
+    again = copy.copy(Own(**values))
+    assert type(again) is Own
+    np.testing.assert_array_equal(again.x, found.x)

@@ -10,6 +10,7 @@ import cython
 from namlcp.residuals import Residuals
 
 NOTHING, EMPTY = (), ""
+HINTS = "__annotations__"  # of a class; a subclass may have none
 
 
 class ResultBase:
@@ -56,8 +57,8 @@ class LCPResultBase:
 def reduced(result):
     """Return what makes a result anew, for `__reduce__`."""
     kind = type(result)
-    state = {name: getattr(result, name) for name in kind.__annotations__}
-    return partial(kind, **state), ()
+    names = (name for base in kind.__mro__ for name in vars(base).get(HINTS, ()))
+    return partial(kind, **{name: getattr(result, name) for name in names}), ()
 
 
 def residuals_of(numbers):
