@@ -48,15 +48,16 @@ class Job(NamedTuple):
 
 
 def suite(
-    file: str, script: str, minutes: float, quick: float = 0.0, **how: bool
-) -> Job:
-    """Return the job of a suite, timed unless said: a file, a chart with `plot`."""
+    file: str, script: str, minutes: float, quick: float = 0.0, *,
+    plot: bool = False, timed: bool = True,
+) -> Job:  # fmt: skip
+    """Return the job of a suite: one file, and a chart of it with `plot`."""
     name, *options = script.split(" --")
     commands = f"{name} run {{quick}} --csv {{csv}} --go-on --data {{data}}"
     commands += "".join(f" --{option}" for option in options)
-    if how.get("plot"):
+    if plot:
         commands += f"\n{name} plot --csv {{csv}} --figures {{figures}}"
-    return Job(file, commands, minutes, quick, True, how.get("timed", True))
+    return Job(file, commands, minutes, quick, True, timed)
 
 
 JOBS = (
