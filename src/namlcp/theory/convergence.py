@@ -331,7 +331,8 @@ def by_inverse(parts: Splitting) -> Verdict:
     T = np.abs(inverse @ N) + np.abs(inverse @ right)
     v = np.linalg.solve(I - T, np.ones(len(N)))
     theta = float(np.max((T @ v) / v)) if np.all(v > 0.0) else math.inf
-    if not theta < 1.0 - 1e-12 * len(N) * np.linalg.cond(left, 1):
+    condition = np.linalg.norm(left, 1) * np.linalg.norm(inverse, 1)
+    if not theta < 1.0 - 1e-12 * len(N) * condition:
         return undecided("rho(T) < 1 is not seen")
     name = "T = |(M + Omega)^-1 N| + |(M + Omega)^-1 (Omega - A)|"
     theorem = f"contraction, rho(T) < 1 for {name} (Theorem 2)"
