@@ -9,4 +9,5 @@ cdef void lu_solve(const double* factors, int n, const int* pivots, double* b) n
 cdef void solve_rows(const double* L, int n, double* X, int count) noexcept nogil
 cdef void invert_lower(double* L, int n) noexcept nogil
 cdef void gram(const double* X, int rows, int n, int width_X, double* W, int width_W) noexcept nogil
+cdef void add_squares(const double* C, int rows, int n, double* S) noexcept nogil
 cdef void _multiply_vector(char letter, const double* C, int rows, int columns, const double* x, double* out, int size) noexcept nogil

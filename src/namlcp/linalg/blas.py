@@ -137,3 +137,13 @@ def gram(X, rows, n, width_X, W, width_W):
             b"U", b"T", address(rows), address(n), address(one), cast(p_double, X),
             address(width_X), address(zero), W, address(width_W),
         )  # fmt: skip
+
+
+def add_squares(C, rows, n, S):
+    """Add C'C to the lower triangle of S (n, n), for C (rows, n)."""
+    one: cython.double = 1.0
+    if rows > 0 and n > 0:
+        dsyrk(
+            b"U", b"N", address(n), address(rows), address(one), cast(p_double, C),
+            address(n), address(one), S, address(n),
+        )  # fmt: skip

@@ -16,5 +16,4 @@ cdef class Condensed(Factors):
     cdef bint factor_values(self, double* data, Watched watch) noexcept nogil
     cdef void solve_into(self, double* rhs, double* x) noexcept nogil
 
-cdef void add_squares(double* C, Py_ssize_t count, Py_ssize_t n, double* S) noexcept nogil
 cpdef int upper_triangle(object P, object A, object G, int[::1] indptr, int[::1] indices, double[::1] data) except -1

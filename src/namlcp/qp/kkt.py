@@ -14,6 +14,7 @@ from cython import Py_ssize_t
 from cython.cimports.libc.math import sqrt
 from cython.cimports.namlcp.linalg.arrays import numbers, places
 from cython.cimports.namlcp.linalg.blas import (
+    add_squares,
     blas_times,
     blas_times_transposed,
     cholesky,
@@ -23,7 +24,6 @@ from cython.cimports.namlcp.linalg.csc import Columns, take_columns
 from cython.cimports.namlcp.linalg.sparse_ldl import Factors
 from cython.cimports.namlcp.linalg.vectors import copy, fill
 from cython.cimports.namlcp.watch import is_over
-from cython.cimports.scipy.linalg.cython_blas import dsyrk
 
 from namlcp.checks import constant, refuse_size
 from namlcp.limits import NEVER
@@ -149,17 +149,6 @@ class Condensed(Factors):
         blas_times(self.R, rows, n, x, u)
         for i in range(rows):
             x[n + i] = D[i] * (u[i] - y[i])
-
-
-def add_squares(C, count, n, S):
-    """Add C'C to the lower triangle of S (n, n), for `count` rows of n numbers."""
-    order: cython.int = n
-    rows: cython.int = count
-    one: cython.double = 1.0
-    dsyrk(
-        b"U", b"N", cython.address(order), cython.address(rows), cython.address(one), C,
-        cython.address(order), cython.address(one), S, cython.address(order),
-    )  # fmt: skip
 
 
 def upper_triangle(P, A, G, indptr, indices, data):
