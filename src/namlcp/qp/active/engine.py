@@ -180,8 +180,8 @@ class ActiveSet(Watched):
 def reals(m, count):
     """Return the place of the next `count` numbers of the memory.
 
-    Without memory, at first, that only counts them. All begin at multiples of 32 bytes,
-    as loops over them take longer else.
+    Without memory, at first, that only counts them. All begin a multiple of 32 bytes
+    after the first ones, as loops over them take longer else.
     """
     found = cython.cast(cython.p_double, m.memory + m.memory_end)
     m.memory_end += (8 * count + 39) // 32 * 32

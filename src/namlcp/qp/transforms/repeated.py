@@ -12,7 +12,7 @@ from cython.cimports.libc.math import INFINITY, fabs, floor
 from cython.cimports.namlcp.linalg.vectors import float_bits
 from scipy.sparse import csr_array
 
-from namlcp.checks import from_arrays
+from namlcp.checks import from_arrays, no_rows
 from namlcp.entries import constant
 from namlcp.linalg import arrays_of, by_rows, submatrix, without_zeros
 
@@ -44,10 +44,7 @@ def leading_rows(M, columns, wanted):
     ratio = constant(wanted.size, 1.0)
     rows = wanted.nonzero()[0]
     if not rows.size:
-        parts = np.zeros(1, np.int32), np.empty(0, np.int32), np.empty(0)
-        return from_arrays(parts, (0, columns.size), csr_array), Groups(
-            number, ratio, rows
-        )
+        return by_rows(no_rows(columns.size)), Groups(number, ratio, rows)
     C = by_rows(submatrix(without_zeros(M), rows, columns))
     key, own, first = np.empty((3, rows.size), np.int32)
     table = constant(1 << (2 * rows.size + 1).bit_length(), -1, np.int32)

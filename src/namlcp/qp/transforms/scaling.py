@@ -116,10 +116,10 @@ class ScaledQP:
 def find_finite(side, n, p):
     """Return the numbers of the finite ones of all sides, their places and signs."""
     size = side.shape[0]
-    width, numbers = size // 2 - n, np.empty(size, np.intp)
-    places, signs = np.empty(size, np.int32), np.empty(size)
-    number: Py_ssize_t[::1] = numbers
-    place: cython.int[::1] = places
+    width, finite = size // 2 - n, np.empty(size, np.intp)
+    where, signs = np.empty(size, np.int32), np.empty(size)
+    number: Py_ssize_t[::1] = finite
+    place: cython.int[::1] = where
     sign: cython.double[::1] = signs
     count: Py_ssize_t = 0
     for i in range(size):
@@ -132,7 +132,7 @@ def find_finite(side, n, p):
         place[count] = first + (j if j < length else j - length)
         sign[count] = 1.0 if j < length else -1.0
         count += 1
-    return numbers[:count], places[:count], signs[:count]
+    return finite[:count], where[:count], signs[:count]
 
 
 def equilibrate(indptr, indices, data, scale):
