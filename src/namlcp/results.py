@@ -753,7 +753,7 @@ def qp_result(
     """
     closest = outcome.closest
     return QPResult(
-        **dict(zip(Point._fields, outcome.point, strict=True)),
+        **outcome.point._asdict(),
         status=outcome.status,
         obj=OBJECTIVE.get(outcome.status, outcome.residuals.objective),
         residuals=outcome.residuals,

@@ -126,15 +126,10 @@ class QPDerivative:
                     break
 
     def backward(self, dx: Any, dy: Any, dz: Any, dz_box: Any) -> QPGradients:
-        _, y, z, _ = self.solution
-        n = self.qp.q.size
-        given = (
-            None if dx is None else vector("dx", dx, n, "x", (n,), True),
-            None if dy is None else vector("dy", dy, y.size, "y", y.shape, True),
-            None if dz is None else vector("dz", dz, z.size, "z", z.shape, True),
-            None
-            if dz_box is None
-            else vector("dz_box", dz_box, n, "z_box", (n,), True),
+        parts = zip(Point._fields, (dx, dy, dz, dz_box), self.solution, strict=True)
+        given = tuple(
+            None if d is None else vector(f"d{name}", d, v.size, name, v.shape, True)
+            for name, d, v in parts
         )
         vectors, matrices = self.solve(given, True)
         q, h, b, lb, ub = vectors
