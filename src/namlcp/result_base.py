@@ -63,10 +63,11 @@ def reduced(result):
 
 def residuals_of(numbers):
     """Return the `Residuals` of these numbers."""
-    return Residuals(
+    parts = (
         numbers.primal, numbers.dual, numbers.gap, numbers.primal_size,
         numbers.dual_size, numbers.gap_size, numbers.objective,
     )  # fmt: skip
+    return tuple.__new__(Residuals, parts)  # in half the time of Residuals(*parts)
 
 
 def made(kind):
