@@ -15,6 +15,7 @@ from namlcp.qp.active.solve import (
     FULL,
     MOST_BOX,
     MOST_LINEAR,
+    SPARSE_LINEAR,
     TINY_ENTRIES,
 )
 from namlcp.qp.bounds import is_box_open, solve_bounds
@@ -58,13 +59,14 @@ def solve_transformed(qp, guess, judge, memory):
 
     A tiny sparse QP is first tried in dense form as it came.
     """
-    memory = memory or Memory()
+    memory, small = memory or Memory(), None
     if type(qp.P) is np.ndarray or not (qp.h.size or qp.b.size):
         return solve_by_engines(qp, NO_TRANSFORMS, guess, judge, memory)
-    if entries_of(qp) <= TINY_ENTRIES and not memory.dense_failed:
+    if entries_of(qp) <= TINY_ENTRIES and takes_dense(qp, True, memory):
         found = solve_dense(qp, NO_TRANSFORMS, guess, judge, memory)
         if found is not None and found.status in ENDS:
             return found
+        small = False  # not in dense form again
     substitution = substitute(qp, memory.substitution, judge.limits.deadline)
     memory.substitution = substitution
     if substitution is not None:
@@ -74,12 +76,12 @@ def solve_transformed(qp, guess, judge, memory):
         if answer.status not in UNDECIDED:
             return answer
         guess, memory = make_guess(qp, None, answer.point), Memory()
-    return solve_by_engines(qp, NO_TRANSFORMS, guess, judge, memory)
+    return solve_by_engines(qp, NO_TRANSFORMS, guess, judge, memory, small)
 
 
-def solve_by_engines(qp, chain, guess, judge, memory):
+def solve_by_engines(qp, chain, guess, judge, memory, small=None):
     """Return the answer of the first engine that decides, else that of the last one."""
-    guess, small = chain.guess(guess), is_small(qp)
+    guess, small = chain.guess(guess), is_small(qp) if small is None else small
     for suits, solve in ENGINES:
         if suits(qp, small, memory):
             found = solve(qp, chain, guess, judge, memory)
@@ -122,7 +124,8 @@ def takes_dense(qp, small, memory):
     if memory.dense_failed or not small:
         return False
     is_dense = type(qp.P) is np.ndarray
-    return not is_dense or qp.q.size <= MOST_LINEAR or qp.P.any()
+    most, cost = (MOST_LINEAR, qp.P) if is_dense else (SPARSE_LINEAR, qp.P.data)
+    return qp.q.size <= most or cost.any()
 
 
 ENGINES = (

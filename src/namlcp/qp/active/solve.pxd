@@ -6,9 +6,10 @@ cpdef enum:
     MOST_ORDER = 500
     MOST_BOX = 50
     MOST_LINEAR = 90
+    SPARSE_LINEAR = 50
     FEW_ENTRIES = 10_000
     FULL = 30
-    TINY_ENTRIES = 2000
+    TINY_ENTRIES = 6000
 
 cdef object SOLVED, DUAL, clock
 cdef double FEW_OPERATIONS, PASSES, OF_COST, OF_ROWS, ACTIVE

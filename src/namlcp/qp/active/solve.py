@@ -64,9 +64,10 @@ OUTCOMES = {
 }
 # MOST_ORDER: most variables, equations and rows of a QP whose factors LAPACK does not
 # make. MOST_BOX: most variables of one with bounds alone, which is quicker as a box LCP
-# else. MOST_LINEAR: most variables of a linear program, which interior points solve
-# quicker else. TINY_ENTRIES: most entries, zeros included, of a sparse QP that is
-# solved in dense form as it came: to look for a substitution would take longer.
+# else. MOST_LINEAR, SPARSE_LINEAR: most variables of a linear program, dense or
+# sparse, which interior points solve quicker else. TINY_ENTRIES: most entries, zeros
+# included, of a sparse QP that is solved in dense form as it came: to look for a
+# substitution would take longer.
 # FEW_ENTRIES: most entries of a QP that takes P + W whatever it is; a larger one is
 # left to the interior-point method where less than FULL percent of them are not zero.
 # Operations of pivots after which the interior-point method takes over, about as many
@@ -182,7 +183,8 @@ def solve_small(
         return None
     if n > MOST_BOX and rows + p == 0:
         return None
-    if n > MOST_LINEAR and filled(data_of(P), n * n) == 0:
+    most: Py_ssize_t = SPARSE_LINEAR if is_sparse else MOST_LINEAR
+    if n > most and filled(data_of(P), n * n) == 0:
         return None
     m: DenseActiveSet = DenseActiveSet.__new__(DenseActiveSet)
     attach(m, P, G, A, True)
