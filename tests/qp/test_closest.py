@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
-from problems_qp import dense, infeasible, make_qp, opposed, sparse
+from problems_qp import DATA, dense, infeasible, make_qp, opposed, sparse
 from scipy.optimize import linprog, lsq_linear
 
 from namlcp import Relaxation, Solver, Status, qp_residuals, solve_qp
+from validation.problems import infeasible_cases
 
 INF = np.inf
 FORMS = {"dense": dense, "sparse": sparse}
@@ -178,6 +179,18 @@ def test_multipliers_of_the_least_shifts_prove_a_doubt(contradiction):
     expected = np.zeros(qp.b.size)
     expected[:3], expected[-1] = size, -size
     np.testing.assert_allclose(found.shift_b, expected, atol=1e-9 * (1.0 + size))
+
+
+@pytest.mark.skipif(
+    not (DATA / "maros_meszaros").is_dir(),
+    reason="no Maros-Meszaros data: set NAMLCP_DATA to the data folder",
+)
+def test_a_solve_that_resists_asks_the_least_shifts():
+    """QCAPRI with sums of equations that are off by 1e-4: 402 iterations without."""
+    qp = infeasible_cases.changed(DATA, "QCAPRI", "sums").problem
+    result = solve_qp(*qp.unpack())
+    assert result.status is Status.PRIMAL_INFEASIBLE
+    assert result.iterations < 100
 
 
 # ---- known answers: (QP, choice, what is known of the closest point)

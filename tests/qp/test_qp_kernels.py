@@ -108,7 +108,7 @@ def iterate(whole, point, rho, delta):
 class Blind:
     """A judge who finds no point good."""
 
-    is_solved = False
+    is_solved, doubt = False, None
 
     def offer(self, point):
         return np.inf

@@ -34,24 +34,25 @@ DENSE_VARIABLES, DENSE_ENTRIES = 2000, 16_000_000
 UNDECIDED = (Status.STALLED, Status.NUMERICAL_ERROR)
 
 
-def route(qp, guess, limits, memory=None, given=None):
+def route(qp, guess, limits, memory=None, given=None, doubt=None):
     """Solve a checked QP; if it stalls, go on without its huge bounds.
 
     `memory` may be kept for the next problem of the same pattern; it is changed.
-    `given`: P, G and A as the user stores them.
+    `given`: P, G and A as the user stores them. `doubt`: see `Judge`.
     """
-    judge = Judge(qp, limits, given)
+    judge = Judge(qp, limits, given, doubt)
     try:
         answer = solve_transformed(qp, guess, judge, memory)
         relaxed = without_huge_bounds(qp) if answer.status in UNDECIDED else None
-        if relaxed is None:
-            return answer
-        other = solve_transformed(relaxed, NO_GUESS, judge, None)
+        if relaxed is not None:
+            first, answer = answer, solve_transformed(relaxed, NO_GUESS, judge, None)
+            if answer.status in UNDECIDED:
+                answer = answer._replace(status=first.status, message=first.message)
     except OutOfTime:
         return judge.answer(Status.TIME_LIMIT, 0, "none")
-    if other.status in UNDECIDED:
-        return other._replace(status=answer.status, message=answer.message)
-    return other
+    if answer.status is Status.STALLED and judge.is_disproved():
+        return judge.answer(answer.status, answer.iterations, answer.method)
+    return answer
 
 
 def solve_transformed(qp, guess, judge, memory):

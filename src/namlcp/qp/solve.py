@@ -47,16 +47,13 @@ def solve_checked(
     order = qp.q.size + qp.h.size + qp.b.size
     threads = blas_threads(options.threads, order, qp.is_dense)
     with threads, np.errstate(all="ignore"):
-        answer = route(qp, guess, limits, memory, given)
-        stage = None
-        if answer.status is Status.STALLED:
-            answer, stage = disproved(qp, answer, limits)
+        doubt = Doubt(qp, limits)
+        answer = route(qp, guess, limits, memory, given, doubt.proves)
         if answer.status is Status.NUMERICAL_ERROR:
             nothing = Point(*(v * np.nan for v in answer.point))
             answer = answer._replace(point=nothing, residuals=UNDEFINED)
         if relaxation and answer.status is Status.PRIMAL_INFEASIBLE:
-            if relaxation is not RELAXATIONS["closest"]:
-                stage = None
+            stage = doubt.stage if relaxation is RELAXATIONS["closest"] else None
             found = nearest(qp, relaxation, limits, route, stage)
             answer = answer._replace(closest=found)
     if progress is not None:
@@ -64,21 +61,23 @@ def solve_checked(
     return answer
 
 
-def disproved(
-    qp: QP, answer: Outcome, limits: Limits
-) -> tuple[Outcome, StageOne | None]:
-    """Ask the least shifts for a certificate where a point is far from feasible.
+class Doubt:
+    """Whether a QP that resists is infeasible: asked once, of the least shifts.
 
-    They are returned, too, if they were sought.
+    `stage`: these, once they were sought.
     """
-    if answer.residuals._replace(dual=0.0, gap=0.0).solved(*limits.tolerances):
-        return answer, None
-    proof, stage = contradiction(qp, limits, route)
-    if proof is not None:
-        judge = Judge(qp, limits)
-        if judge.accept_multipliers(proof.x, proof.y, proof.z):
-            answer = judge.answer(answer.status, answer.iterations, answer.method)
-    return answer, stage
+
+    stage: StageOne | None = None
+
+    def __init__(self, qp: QP, limits: Limits) -> None:
+        self.qp, self.limits = qp, limits
+
+    def proves(self, judge: Judge) -> bool:
+        """Tell whether they prove it now; the judge has the certificate then."""
+        if self.stage is not None:
+            return False
+        proof, self.stage = contradiction(self.qp, self.limits, route)
+        return proof is not None and judge.accept_multipliers(proof.x, proof.y, proof.z)
 
 
 def describe(qp: QP, options: Options) -> str:

@@ -7,10 +7,12 @@ cdef enum:
     PROVE = 8
     CLOCK = 16
     STOP = 32
+    DOUBT = 64
+    RESISTS = 30
     IDLE = 20
     LARGE_KKT = 5_000
 cdef double DROP, DROP_LARGE, CLOSE, NEAR, NEAR_MU, STEADY, CONVERGING, PROMISING, SMALL_RATIO, AGAIN
-cdef double STUCK, PASSES
+cdef double STUCK, FAR, PASSES
 
 cdef int look(Interior m) noexcept nogil
 cdef bint mark_active(Interior m) noexcept nogil

@@ -2,7 +2,7 @@
 
 REPORT: to be reported; JUDGE: measured on unscaled data; ACTIVE_SET: refined with its
 active set; PROVE: tested for a certificate; CLOCK: the time to be looked at; STOP: the
-end of the loop.
+end of the loop; DOUBT: the least shifts to be asked whether there is a feasible point.
 """
 
 import cython
@@ -32,6 +32,9 @@ PROMISING, SMALL_RATIO, AGAIN = 0.1, 1e-4, 0.1
 # An iteration counts IDLE times in the patience if a step of full length leaves more
 # than the part STUCK of a large primal residual: the next steps will do no better.
 STUCK = 0.99
+# These are asked once, where the primal residual is FAR times its tolerance or more and
+# RESISTS iterations, counted like that, have not halved the worst one.
+FAR = 10.0
 # Passes over the entries of L in one iteration, about.
 PASSES = 20.0
 
@@ -54,6 +57,8 @@ def look(m):
     m.old_primal = m.primal
     if m.worst <= 0.5 * m.reference:
         m.reference, m.since_halved = m.worst, 0
+    if m.doubts and m.since_halved > RESISTS and m.primal_ratio > FAR:
+        wants |= DOUBT
     stagnates: cython.bint = m.since_halved > m.patience or not m.worst < INFINITY
     if stagnates or m.iterations >= m.max_iter:
         wants |= STOP

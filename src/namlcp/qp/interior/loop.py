@@ -20,6 +20,7 @@ from cython.cimports.namlcp.qp.interior.active_set import refine
 from cython.cimports.namlcp.qp.interior.certificates import find_proof
 from cython.cimports.namlcp.qp.interior.look import (
     ACTIVE_SET,
+    DOUBT,
     JUDGE,
     PROMISING,
     PROVE,
@@ -97,7 +98,7 @@ def iterate(m, guess):
         return Status.TIME_LIMIT
     for k in range(4):
         m.tested[k] = PROMISING
-    m.reports = m.limits.report is not None
+    m.reports, m.doubts = m.limits.report is not None, m.judge.doubt is not None
     m.is_warm = guess.x.size > 0 and start_warm(m, guess)
     while True:
         with cython.nogil:
@@ -156,6 +157,10 @@ def answer(m, wants):
     if m.judge.is_solved:
         return Status.SOLVED
     verdict = find_proof(m) if wants & PROVE else None
+    if verdict is None and wants & DOUBT:
+        m.doubts = False
+        if m.judge.doubt(m.judge):
+            return Status.PRIMAL_INFEASIBLE
     if verdict is None and m.iterations < m.max_iter and is_late(m):
         return Status.TIME_LIMIT
     if verdict is None and m.refused >= MOST_REFUSED:

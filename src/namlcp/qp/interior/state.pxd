@@ -47,7 +47,7 @@ cdef class Interior(Watched):
         # that at which refinement last came to a halt.
         double eps_abs, eps_rel, tol, accuracy, attained
         readonly Py_ssize_t iterations, max_iter
-        bint reports
+        bint reports, doubts
         # The mean of W Z, norms of the scaled residuals rd, rp and rw; |x'rd| and
         # |y'rp + Z'rw|, the shares of the residuals in the gap; the unscaled residuals, as
         # in `Residuals`, and these over their tolerances.
