@@ -36,7 +36,7 @@ import namlcp
 from validation.harness import Job, Row, judging, qp_solvers, qps, timing
 from validation.harness.suite import Args, Suite
 from validation.problems import infeasible_cases
-from validation.problems.sequences import Sequence, condensed, single, stagewise
+from validation.problems.sequences import Controller, condensed, single, stagewise
 
 COLUMNS = (
     "problem | group n rows norm clarabel piqp conditions closest feasible ratio soft "
@@ -64,7 +64,7 @@ def gross(n: int, dense: bool) -> Problem:
     return infeasible_cases.shaped(arrays, dense)
 
 
-def lost(build: Callable[..., Sequence], stages: int, seed: int) -> Problem:
+def lost(build: Callable[[int], Controller], stages: int, seed: int) -> Problem:
     """Return the first step of a controller from a state that nothing leads back."""
     state = np.random.default_rng(seed).standard_normal(12)
     while infeasible_cases.is_feasible(problem := single(build, stages, state)):
