@@ -14,45 +14,33 @@ freedom make A singular.
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 
 from namlcp.scenes.friction import Bodies, Contacts, Scene, friction_lcp
 from validation.problems.known_scenes import BoxLCP, nonnegative
+
+Array = np.ndarray
 
 STEP = 0.01  # gravity times the time step
 JITTER = 0.1  # of the centres, the radius is 1
 HOLES = 0.05  # share of the discs taken out
 
 
-class Touches:
-    """Contacts between bodies, -1 the ground, with their points and normals."""
+def scene_of(contacts: Any, centre: Array, mass: Array, v: Array) -> Scene:
+    """Return the scene of bodies 2 x 1; v has velocities along x, y and about z.
 
-    def __init__(self) -> None:
-        self.parts: list[tuple[np.ndarray, ...]] = []
+    Contacts as (first, second, points, normals): second[i] lies on (or right of)
+    first[i], -1 the ground.
+    """
 
-    def add(self, first: np.ndarray, second: np.ndarray, *at: np.ndarray) -> None:
-        """Add contacts of second[i] on (or right of) first[i]: points, normals."""
-        whole = [np.column_stack((v, np.zeros(len(v)))) for v in at]
-        self.parts.append((np.broadcast_to(first, second.shape), second, *whole))
+    def spatial(plane: Array) -> Array:
+        return np.column_stack((plane, np.zeros(len(plane))))
 
-    def scene(self, centre: np.ndarray, mass: np.ndarray, v: np.ndarray) -> Scene:
-        """Return the scene of bodies 2 x 1; v has velocities along x, y and about z."""
-        parts = [np.concatenate(part) for part in zip(*self.parts, strict=True)]
-        none = np.zeros(parts[0].size)
-        velocity = np.zeros((len(v), 6))
-        velocity[:, [0, 1, 5]] = v
-        centre = np.column_stack((centre, np.zeros(len(centre))))
-        inertia = np.outer(mass, [1.0, 1.0, 5.0 / 12.0])
-        return Scene(
-            Bodies(centre, mass, inertia, velocity), Contacts(*parts, none, none)
-        )
-
-
-def lcp(scene: Scene) -> BoxLCP:
-    A, q = friction_lcp(scene)
-    A = sp.csr_array(A)
-    A.sort_indices()
-    return nonnegative(A, q)
+    first, second, at, normal = contacts
+    velocity, none = np.zeros((len(v), 6)), np.zeros(second.size)
+    velocity[:, [0, 1, 5]] = v
+    inertia = np.outer(mass, [1.0, 1.0, 5.0 / 12.0])
+    touching = Contacts(first, second, spatial(at), spatial(normal), none, none)
+    return Scene(Bodies(spatial(centre), mass, inertia, velocity), touching)
 
 
 def heap(
@@ -65,7 +53,8 @@ def heap(
     `sideways` it touches both neighbours of its row too: A is singular. Some discs are
     taken out again and all move a little, so that contacts open.
     """
-    return lcp(heap_of_discs(contacts, sideways, mass_ratio, seed))
+    scene = heap_of_discs(contacts, sideways, mass_ratio, seed)
+    return nonnegative(*friction_lcp(scene))
 
 
 def heap_of_discs(contacts: int, sideways: bool, mass_ratio: float, seed: int) -> Scene:
@@ -92,13 +81,12 @@ def heap_of_discs(contacts: int, sideways: bool, mass_ratio: float, seed: int) -
     one, two, up = map(np.concatenate, zip(*found, floor, strict=True))
     present = rng.random(discs) >= HOLES
     there = present[two] & (present[one] | (one < 0))
-    touches = Touches()
-    touches.add(one[there], two[there], centre[two[there]], up[there])
+    contacts = one[there], two[there], centre[two[there]], up[there]
     mass = mass_ratio ** rng.random(discs)
     velocity = 0.5 * STEP * rng.standard_normal(2 * discs)
     velocity[1::2] -= STEP
     v = np.column_stack((velocity.reshape(-1, 2), np.zeros(discs)))
-    return touches.scene(centre, mass, v)
+    return scene_of(contacts, centre, mass, v)
 
 
 def brick_wall(contacts: int, *, mass_ratio: float = 1e4, seed: int = 0) -> BoxLCP:
@@ -113,11 +101,12 @@ def brick_wall(contacts: int, *, mass_ratio: float = 1e4, seed: int = 0) -> BoxL
     own = np.arange(courses * courses)
     row, place = np.divmod(own, courses)
     centre = np.column_stack((2.0 * place + row % 2, row + 0.5))
-    touches, along, up = Touches(), np.eye(2)[:1], np.eye(2)[1:]
+    touches, along, up = [], np.eye(2)[:1], np.eye(2)[1:]
 
-    def add(first: np.ndarray, second: np.ndarray, at: tuple, normal: Any) -> None:
+    def add(first: Array, second: Array, at: tuple, normal: Array) -> None:
         normals = np.repeat(normal, second.size, axis=0)
-        touches.add(first, second, centre[second] + at, normals)
+        first = np.broadcast_to(first, second.shape)
+        touches.append((first, second, centre[second] + at, normals))
 
     floor, side = own[row == 0], own[place > 0]
     for shift in (-1.0, 1.0):
@@ -132,4 +121,5 @@ def brick_wall(contacts: int, *, mass_ratio: float = 1e4, seed: int = 0) -> BoxL
     velocity = 0.5 * STEP * rng.standard_normal((own.size, 3))
     velocity[rng.random(own.size) < 0.9] = 0.0
     velocity[:, 1] -= STEP
-    return lcp(touches.scene(centre, mass, velocity))
+    contacts = map(np.concatenate, zip(*touches, strict=True))
+    return nonnegative(*friction_lcp(scene_of(contacts, centre, mass, velocity)))
