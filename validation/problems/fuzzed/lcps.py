@@ -288,9 +288,8 @@ def friction(draw: Draw) -> Truth:
 def game(draw: Draw) -> Truth:
     """Two players, whose payoffs have ties if they are whole numbers."""
     rows, columns = draw.size(1, 30), draw.size(1, 30)
-    rows, columns = max(rows, 1), max(columns, 1)
     seed = int(draw.rng.integers(SEEDS))
-    A, q = games.lcp(*games.payoffs(rows, columns, seed, draw.whole))
+    A, q = games.random_lcp(rows, columns, seed, draw.whole)
     mixed = draw.rng.permutation(q.size)
     return plain(A[np.ix_(mixed, mixed)], q), "solvable"
 

@@ -72,7 +72,7 @@ def p0(n: int, seed: int) -> Problem:
 
 def game(n: int, seed: int) -> Problem:
     rows = max(1, (3 * n) // 7)
-    return games.lcp(*games.payoffs(rows, n - rows, seed, whole=bool(seed % 2)))
+    return games.random_lcp(rows, n - rows, seed, whole=bool(seed % 2))
 
 
 def friction(build: Callable[..., Scene]) -> Callable[..., Problem]:
@@ -92,7 +92,7 @@ FAMILIES: dict[str, Callable[..., Problem]] = {
     "pile": friction(piles.pile_of_discs),
     "wall": friction(piles.wall_of_bricks),
     "chain": friction(piles.pressed_chain),
-    "balls": friction(partial(piles.pile_of_balls, directions=4)),
+    "balls": friction(piles.pile_of_balls),
     "cubes": friction(partial(piles.column_of_cubes, directions=8)),
     "copositive": copositive,
     "singular copositive": singular_copositive,

@@ -15,25 +15,20 @@ import numpy as np
 from validation.harness import MissingDataError
 
 
-def costs(R: np.ndarray, C: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    return R.max() - R + 1.0, C.max() - C + 1.0
-
-
 def lcp(R: np.ndarray, C: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    R, C = costs(np.array(R, dtype=float), np.array(C, dtype=float))
+    R, C = (M.max() - M + 1.0 for M in np.array((R, C), dtype=float))
     p, r = R.shape
     A = np.block([[np.zeros((p, p)), R], [C.T, np.zeros((r, r))]])
     return A, np.full(p + r, -1.0)
 
 
-def payoffs(
-    rows: int, columns: int, seed: int, whole: bool = False
+def random_lcp(
+    rows: int, columns: int, seed: int, whole: bool
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return random payoffs: uniform, or whole numbers from 0 to 4, with many ties."""
+    """Return the LCP of uniform payoffs, or whole ones from 0 to 4, with many ties."""
     rng = np.random.default_rng(seed)
     shape = 2, rows, columns
-    R, C = rng.integers(0, 5, shape).astype(float) if whole else rng.random(shape)
-    return R, C
+    return lcp(*(rng.integers(0, 5, shape) if whole else rng.random(shape)))
 
 
 def gambit(data: Path) -> dict[str, tuple[np.ndarray, np.ndarray]]:

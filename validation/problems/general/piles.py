@@ -12,6 +12,8 @@ import numpy as np
 
 from namlcp.scenes.friction import Bodies, Contacts, Scene
 
+Array = np.ndarray
+
 STEP = 0.01  # gravity times the length of the step
 PUSH = 1.0  # standard deviation of the random velocities, in units of STEP
 BELOW = np.array([0.0, -1.0, 0.0])  # gravity in the plane; in space it is along -z
@@ -31,17 +33,15 @@ def scene_of(
     return Scene(bodies, contacts, directions)
 
 
-def moved(
-    centre: np.ndarray, shape: np.ndarray, ratio: float, seed: int, down: np.ndarray
-) -> Bodies:
-    """Return bodies of random masses, pushed; shape: inertia of unit masses."""
+def moved(centre: Array, unit: float, ratio: float, seed: int, down: Array) -> Bodies:
+    """Return bodies of random masses, pushed; unit: inertia of unit masses."""
     rng = np.random.default_rng(seed)
     mass = ratio ** rng.random(len(centre))
     velocity = PUSH * STEP * rng.standard_normal((len(centre), 6))
     velocity[:, :3] += STEP * down
     if down is BELOW:
         velocity[:, 2:5] = 0.0
-    return Bodies(centre, mass, mass[:, None] * shape, velocity)
+    return Bodies(centre, mass, np.outer(mass, np.full(3, unit)), velocity)
 
 
 def lattice(
@@ -64,8 +64,7 @@ def pile_of_discs(rows: int, mu: float, ratio: float = 2.0, seed: int = 0) -> Sc
     place = [(i, r) for r in range(rows) for i in range(rows - r)]
     centre = np.array([(2.0 * i + r, 1.0 + np.sqrt(3.0) * r, 0.0) for i, r in place])
     touches = lattice(place, centre, ((-1, 0), (0, -1), (1, -1)), -BELOW)
-    bodies = moved(centre, np.full((len(place), 3), 0.5), ratio, seed, BELOW)
-    return scene_of(bodies, touches, mu)
+    return scene_of(moved(centre, 0.5, ratio, seed, BELOW), touches, mu)
 
 
 def wall_of_bricks(rows: int, mu: float, ratio: float = 2.0, seed: int = 0) -> Scene:
@@ -86,14 +85,13 @@ def wall_of_bricks(rows: int, mu: float, ratio: float = 2.0, seed: int = 0) -> S
                     for end in (float(half), half + 1.0):
                         yield below, k, (x + end, y - 0.5, 0.0), -BELOW
 
-    shape = np.full((len(place), 3), 5.0 / 12.0)
-    return scene_of(moved(centre, shape, ratio, seed, BELOW), touches(), mu)
+    return scene_of(moved(centre, 5.0 / 12.0, ratio, seed, BELOW), touches(), mu)
 
 
 def pressed_chain(links: int, mu: float, ratio: float = 2.0, seed: int = 0) -> Scene:
     """Return a row of unit discs on a floor, pushed together from both ends."""
     centre = np.column_stack((2.0 * np.arange(links), np.ones(links), np.zeros(links)))
-    bodies = moved(centre, np.full((links, 3), 0.5), ratio, seed, BELOW)
+    bodies = moved(centre, 0.5, ratio, seed, BELOW)
     bodies.velocity[[0, -1], 0] = np.array([30.0, -30.0]) * STEP
 
     def touches() -> Iterator[Touch]:
@@ -117,8 +115,7 @@ def pile_of_balls(
     )
     below = [(a, b, -1) for a in (0, 1) for b in (0, 1)]
     touches = lattice(place, centre, [(-1, 0, 0), (0, -1, 0), *below], up)
-    bodies = moved(centre, np.full((len(place), 3), 0.4), ratio, seed, -up)
-    return scene_of(bodies, touches, mu, directions)
+    return scene_of(moved(centre, 0.4, ratio, seed, -up), touches, mu, directions)
 
 
 def column_of_cubes(
@@ -134,5 +131,5 @@ def column_of_cubes(
                 for y in (-0.5, 0.5):
                     yield k - 1, k, (x, y, float(k)), up
 
-    bodies = moved(centre, np.full((levels, 3), 1.0 / 6.0), ratio, seed, -up)
+    bodies = moved(centre, 1.0 / 6.0, ratio, seed, -up)
     return scene_of(bodies, touches(), mu, directions)
