@@ -12,7 +12,7 @@ from namlcp import Status, solve_lcp, solve_qp
 from namlcp.qp import QP
 from validation.problems.fuzzed import cases as problems
 from validation.problems.fuzzed import forms
-from validation.problems.fuzzed.lcps import LCP
+from validation.problems.known_scenes import BoxLCP
 from validation.stress import campaign, campaign_relations
 from validation.stress import campaign_answers as answers
 from validation.stress.campaign_judge import (
@@ -49,7 +49,7 @@ def test_malformed_arguments_are_named(seed, is_qp):
     if is_qp:
         arguments = QP(one, one[0], one, one[0], one, one[0], -one[0], one[0])
     else:
-        arguments = LCP(one, one[0], 0.0 * one[0], one[0])
+        arguments = BoxLCP(one, one[0], 0.0 * one[0], one[0])
     spoiled, name = forms.spoil(rng, arguments._asdict())
     with pytest.raises((ValueError, TypeError), match=rf"\b{name}\b"):
         (solve_qp if is_qp else solve_lcp)(**spoiled)
@@ -71,7 +71,7 @@ def test_the_judge_sees_every_fault():
     unbounded_above = qp._replace(ub=INF * one)
     assert "sign" in qp_faults(unbounded_above, x, y, z - one, one, tolerance)
     assert qp_faults(qp, np.nan * one, y, z, z_box, tolerance) == "not finite"
-    lcp = LCP(row, -one, 0.0 * one, INF * one)
+    lcp = BoxLCP(row, -one, 0.0 * one, INF * one)
     assert lcp_faults(lcp, one, 1e-9) == ""
     assert "residual" in lcp_faults(lcp, one + 1e-8, 1e-9)
     assert lcp_faults(lcp, -one, 1e-9) == "outside of the box"
