@@ -16,13 +16,7 @@ import namlcp
 from validation.harness import judging
 from validation.problems.fuzzed import cases, draw
 from validation.stress.campaign_answers import NAM, clean, qp_answer
-from validation.stress.campaign_judge import (
-    PROOF,
-    Tolerance,
-    judge_qp,
-    qp_faults,
-    ray_faults,
-)
+from validation.stress.campaign_judge import PROOF, judge_qp, qp_faults, ray_faults
 
 SOFT = namlcp.Relaxation(lb=1.0, ub=1.0)
 CHOICES = ("closest", 2, True), ("elastic", 1, True), (SOFT, 2, False)
@@ -43,12 +37,10 @@ def closest(maker: cases.Maker, d: draw.Draw) -> tuple[str, str]:
     outcome, why = judge_qp(clean(qp), "both", qp_answer(result), NAM, proofs=True)
     if outcome != "right":
         return outcome, why
-    return judge_closest(clean(qp), norm, bounds_stay, result.closest, NAM)
+    return judge_closest(clean(qp), norm, bounds_stay, result.closest)
 
 
-def judge_closest(
-    qp: Any, norm: int, bounds_stay: bool, found: Any, tolerance: Tolerance
-) -> tuple[str, str]:
+def judge_closest(qp: Any, norm: int, bounds_stay: bool, found: Any) -> tuple[str, str]:
     said = found.status.value
     if said == "primal_infeasible":
         clear = (qp.lb > qp.ub).any() and bounds_stay
@@ -56,7 +48,7 @@ def judge_closest(
         return ("right", "") if clear else ("wrong", "called impossible")
     if said not in ("solved", "dual_infeasible"):
         return "refused", f"{said}, {found.message}"
-    why = first_faults(qp, norm, bounds_stay, found, tolerance)
+    why = first_faults(qp, norm, bounds_stay, found)
     if not why and said == "dual_infeasible":
         why = ray_faults(qp if bounds_stay else unbounded(qp), found.x)
         if not why and not bounds_stay and largest_fall(qp, found.x) > PROOF:
@@ -65,8 +57,7 @@ def judge_closest(
         sides = ("h", "b", "lb", "ub")
         moved = {k: getattr(qp, k) + getattr(found, f"shift_{k}") for k in sides}
         shifted = qp._replace(**moved)
-        point = found.x, found.y, found.z, found.z_box
-        why = qp_faults(shifted, *point, tolerance)
+        why = qp_faults(shifted, found.x, found.y, found.z, found.z_box, NAM)
     return ("wrong", why) if why else ("right", "")
 
 
@@ -82,9 +73,8 @@ def largest_fall(qp: Any, d: np.ndarray) -> float:
     return judging.largest(into) / judging.largest(d)
 
 
-def first_faults(
-    qp: Any, norm: int, bounds_stay: bool, found: Any, tolerance: Tolerance
-) -> str:
+def first_faults(qp: Any, norm: int, bounds_stay: bool, found: Any) -> str:
+    """Return what is wrong with the shifts, "" if they are the least."""
     s, t = found.shift_h, found.shift_b
     low, up = found.shift_lb, found.shift_ub
     if not np.isfinite(np.concatenate((s, t, low, up))).all():
@@ -110,9 +100,8 @@ def first_faults(
     else:
         rest = force - up - low
     error = judging.largest(rest)
-    if tolerance.allows(error, terms, terms):
-        return ""
-    return f"shifts: not least, {error:.1e} of {terms:.1e}"
+    least = NAM.allows(error, terms, terms)
+    return "" if least else f"shifts: not least, {error:.1e} of {terms:.1e}"
 
 
 def least_sum(qp: Any) -> float:
