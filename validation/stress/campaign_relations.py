@@ -69,31 +69,28 @@ def agreement(qp: QP, alone: Answer, other: Answer) -> Verdict:
 
 
 def sequence(maker: cases.Maker, d: draw.Draw) -> Verdict:
-    qp, _ = maker(d)
+    old, (qp, _) = None, maker(d)
     wrap = sp.csc_array if d.chance(0.4) else np.asarray
-    given = {k: wrap(v) if v.ndim == 2 else v for k, v in qp._asdict().items()}
-    try:
-        solver = namlcp.Solver(**given)
-    except ValueError as error:
-        alone = answer_of(partial(namlcp.solve_qp, **given))
-        return agreement(qp, alone, Answer("error", words=str(error)))
-    for step in range(STEPS):
-        alone = answer_of(partial(namlcp.solve_qp, **given))
-        outcome, why = agreement(qp, alone, answer_of(solver.solve))
-        if outcome != "right":
-            return outcome, f"step {step}: {why}"
-        new = qps.changed(d, qp)
+    given: dict[str, Any] = {}
+    for step in range(STEPS + 1):
         given |= {
             name: wrap(value) if value.ndim == 2 else value
-            for name, value in new._asdict().items()
-            if value is not getattr(qp, name)
+            for name, value in qp._asdict().items()
+            if value is not getattr(old, name, None)
         }
+        alone = partial(namlcp.solve_qp, **given)
         try:
-            solver.update(**given)
+            if step == 0:
+                solver = namlcp.Solver(**given)
+            else:
+                solver.update(**given)
         except ValueError as error:
-            alone = answer_of(partial(namlcp.solve_qp, **given))
-            return agreement(new, alone, Answer("error", words=str(error)))
-        qp = new
+            return agreement(qp, answer_of(alone), Answer("error", words=str(error)))
+        if step < STEPS:
+            outcome, why = agreement(qp, answer_of(alone), answer_of(solver.solve))
+            if outcome != "right":
+                return outcome, f"step {step}: {why}"
+            old, qp = qp, qps.changed(d, qp)
     return RIGHT
 
 
@@ -125,9 +122,9 @@ def batch(maker: cases.Maker, d: draw.Draw) -> Verdict:
             return "wrong", f"{name} of two runs, on one thread and on two, differ"
     for k, (item, alone) in enumerate(zip(items, singles, strict=True)):
         if k == bad:
-            outcome, why = RIGHT
-            if one[k].status is not namlcp.Status.INVALID:
-                outcome, why = "wrong", f"malformed: {one[k].status.value}"
+            said = one[k].status
+            known = said is namlcp.Status.INVALID
+            outcome, why = RIGHT if known else ("wrong", f"malformed: {said.value}")
         else:
             outcome, why = agreement(item, alone, qp_answer(one[k]))
         if outcome != "right":
