@@ -64,17 +64,12 @@ def all_cases(data: Path | None, step: int) -> dict[str, Maker]:
     return makers
 
 
-def small_case(
-    group: str, truth: str, P: Any, q: Any = 0.0, lb: Any = None, ub: Any = None,
-    eps: float = 1e-6, **rows: Any,
-) -> Case:  # fmt: skip
+def small_case(group: str, truth: str, eps: float = 1e-6, **data: Any) -> Case:
     """Return a dense case; a number stands for a vector of it."""
-    P = np.array(P, dtype=float)
-    n = P.shape[0]
-    arrays = {key: np.array(value, dtype=float) for key, value in rows.items()}
-    bounds = [None if v is None else np.zeros(n) + v for v in (lb, ub)]
-    problem = Problem(P, np.zeros(n) + q, lb=bounds[0], ub=bounds[1], **arrays)
-    return Case(group, truth, problem, eps)
+    arrays = {k: np.array(v, dtype=float) for k, v in ({"q": 0.0} | data).items()}
+    n = len(arrays["P"])
+    whole = {k: v if v.ndim else np.full(n, v) for k, v in arrays.items()}
+    return Case(group, truth, Problem(**whole), eps)
 
 
 def random_rows(rng: np.random.Generator, rows: int, n: int, dense: bool) -> np.ndarray:
@@ -106,9 +101,7 @@ def random_feasible(
 
 
 def shaped(arrays: list[np.ndarray], dense: bool) -> Problem:
-    if dense:
-        return Problem(*arrays)
-    return Problem(*[sp.csc_matrix(M) if M.ndim == 2 else M for M in arrays])
+    return Problem(*arrays) if dense else qps.sparse(Problem(*arrays))
 
 
 def random_infeasible(seed: int, n: int, m: int, p: int, dense: bool) -> Case:
