@@ -28,40 +28,30 @@ def disc_pile(rows: int) -> tuple[sp.csr_array, np.ndarray]:
     N'M^-1 N z + N'v >= 0 (Moreau-Jean, no restitution). There are more contacts than
     degrees of freedom, so that A is singular.
     """
-    centres = [
-        (2.0 * i + r, np.sqrt(3.0) * r) for r in range(rows) for i in range(rows - r)
-    ]
-    index = {(round(x), round(y / np.sqrt(3.0))): k for k, (x, y) in enumerate(centres)}
-    pairs, normals = [], []
+    place = [(2 * i + r, r) for r in range(rows) for i in range(rows - r)]
+    index, high = {at: k for k, at in enumerate(place)}, np.sqrt(0.75)
+    steps = ((2, 0), (1.0, 0.0)), ((1, 1), (0.5, high)), ((-1, 1), (-0.5, high))
+    touches = []
     for (i, r), k in index.items():
-        for step, normal in (
-            ((2, 0), (1.0, 0.0)),
-            ((1, 1), (0.5, np.sqrt(0.75))),
-            ((-1, 1), (-0.5, np.sqrt(0.75))),
-        ):
+        for step, normal in steps:
             other = index.get((i + step[0], r + step[1]))
             if other is not None:
-                pairs.append((k, other))
-                normals.append(normal)
-        for touches, normal in (
+                touches.append((k, other, normal))
+        sides = (
             (r == 0, (0.0, 1.0)),
-            (i == r, (np.sqrt(0.75), -0.5)),
-            (i == 2 * rows - 2 - r, (-np.sqrt(0.75), -0.5)),
-        ):
-            if touches:
-                pairs.append((-1, k))
-                normals.append(normal)
-    entries = [
-        (2 * body + axis, c, sign * normals[c][axis])
-        for c, (first, second) in enumerate(pairs)
-        for body, sign in ((first, -1.0), (second, 1.0))
-        if body >= 0
-        for axis in (0, 1)
-    ]
-    rows_of_N, columns_of_N, values = zip(*entries, strict=True)
-    size = 2 * len(centres)
-    N = sp.csr_array((values, (rows_of_N, columns_of_N)), shape=(size, len(pairs)))
-    mass = np.repeat(np.random.default_rng(0).uniform(0.5, 2.0, len(centres)), 2)
+            (i == r, (high, -0.5)),
+            (i == 2 * rows - 2 - r, (-high, -0.5)),
+        )
+        touches += [(-1, k, normal) for is_there, normal in sides if is_there]
+    first, second, normals = map(np.array, zip(*touches, strict=True))
+    body, along = np.append(first, second), np.vstack((-normals, normals))
+    moved = np.flatnonzero(body >= 0)
+    rows_of_N = 2 * body[moved, None] + np.arange(2)
+    columns_of_N = np.repeat(moved % len(touches), 2)
+    entries = along[moved].ravel(), (rows_of_N.ravel(), columns_of_N)
+    size = 2 * len(place)
+    N = sp.csr_array(entries, shape=(size, len(touches)))
+    mass = np.repeat(np.random.default_rng(0).uniform(0.5, 2.0, len(place)), 2)
     velocity = np.zeros(size)
     velocity[1::2] = -9.81e-3
     A = sp.csr_array(N.T @ sp.diags_array(1.0 / mass) @ N)
