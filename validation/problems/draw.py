@@ -83,14 +83,12 @@ def planted(
     return Problem(*around(P, G, A, (x, y, z, z_box), slack, below, above).qp)
 
 
-def definite_stack(
-    rng: Rng, n: int, m: int, items: int, active: float = 0.3
-) -> tuple[Array, Array, Array, Array]:
+def definite_stack(rng: Rng, n: int, m: int, items: int) -> tuple[Array, ...]:
     """Return P, q, G, h of dense QPs with definite P, stacked along the first axis."""
     B = rng.standard_normal((items, n, n))
     P = B.swapaxes(1, 2) @ B / n + 0.1 * np.eye(n)
     G, x = rng.standard_normal((items, m, n)), rng.standard_normal((items, n, 1))
-    on = rng.random((items, m, 1)) < active
+    on = rng.random((items, m, 1)) < 0.3
     slack, z = rng.exponential(size=(2, items, m, 1))
     h = G @ x + np.where(on, 0.0, slack)
     q = -(P @ x + G.swapaxes(1, 2) @ np.where(on, z, 0.0))

@@ -203,11 +203,9 @@ def input_bounded_mpc(steps: int = 100) -> BoxLCP:
     return BoxLCP(0.5 * (A + A.T), q, np.full(steps, -1.0), np.ones(steps))
 
 
-def two_clouds(
-    n: int, features: int = 5, seed: int = 0
-) -> tuple[np.ndarray, np.ndarray]:
+def two_clouds(n: int, features: int = 5) -> tuple[np.ndarray, np.ndarray]:
     """Return points X and labels y = +-1 of two normal clouds that overlap."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     y = np.where(rng.random(n) < 0.5, 1.0, -1.0)
     return rng.standard_normal((n, features)) + 0.7 * y[:, None], y
 

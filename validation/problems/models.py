@@ -262,9 +262,7 @@ def plant(nx: int, nu: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return A, rng.standard_normal((nx, nu)) / nx, rng.standard_normal(nx)
 
 
-def control(
-    terms: Callable[..., Terms], nx: int, nu: int, steps: int, scale: float = 1.0
-) -> cp.Problem:
+def control(terms: Any, scale: float, nx: int, nu: int, steps: int) -> cp.Problem:
     A, B, start = plant(nx, nu)
     x, u = cp.Variable((nx, steps + 1)), cp.Variable((nu, steps))
     moves = x[:, 0] == scale * start, x[:, 1:] == A @ x[:, :-1] + B @ u
@@ -561,8 +559,7 @@ for name, (terms, data, *sizes) in FITS.items():
 for name, terms in PORTFOLIOS.items():
     MODELS[name] = Model(partial(portfolio, terms), (20,), (500,))
 for name, (terms, scale, length) in CONTROLS.items():
-    make = partial(control, terms, scale=scale)
-    MODELS[name] = Model(make, (4, 2, length), (12, 4, 100))
+    MODELS[name] = Model(partial(control, terms, scale), (4, 2, length), (12, 4, 100))
 for name in ("infeasible_portfolio", "infeasible_control"):
     MODELS[name] = MODELS[name]._replace(expected="infeasible")
 for name, (terms, *rest) in OTHERS.items():
