@@ -76,10 +76,8 @@ def sparse_form(rng: Rng, values: np.ndarray) -> Any:
 
 def wrap_loose(rng: Rng, values: np.ndarray, layout: str, wrap: Any) -> Any:
     """Return a matrix with entries out of order, in two parts, or zeros stored."""
-    rows, columns = np.nonzero(values)
-    zeros = rng.random(values.shape) < 0.05 * rng.integers(0, 2)
-    i = np.concatenate((rows, np.nonzero(zeros & (values == 0.0))[0]))
-    j = np.concatenate((columns, np.nonzero(zeros & (values == 0.0))[1]))
+    zeros = (rng.random(values.shape) < 0.05 * rng.integers(0, 2)) & (values == 0.0)
+    i, j = np.hstack((np.nonzero(values), np.nonzero(zeros)))
     data = values[i, j]
     twice = rng.random(i.size) < 0.3 * rng.integers(0, 2)
     data = np.concatenate((np.where(twice, data / 2.0, data), data[twice] / 2.0))
