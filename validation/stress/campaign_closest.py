@@ -50,7 +50,9 @@ def judge_closest(qp: Any, norm: int, bounds_stay: bool, found: Any) -> tuple[st
         return "refused", f"{said}, {found.message}"
     why = first_faults(qp, norm, bounds_stay, found)
     if not why and said == "dual_infeasible":
-        why = ray_faults(qp if bounds_stay else unbounded(qp), found.x)
+        free = np.full(qp.q.size, np.inf)
+        cone = qp if bounds_stay else qp._replace(lb=-free, ub=free)
+        why = ray_faults(cone, found.x)
         if not why and not bounds_stay and largest_fall(qp, found.x) > PROOF:
             why = "ray: into a bound"
     elif not why:
@@ -59,11 +61,6 @@ def judge_closest(qp: Any, norm: int, bounds_stay: bool, found: Any) -> tuple[st
         shifted = qp._replace(**moved)
         why = qp_faults(shifted, found.x, found.y, found.z, found.z_box, NAM)
     return ("wrong", why) if why else ("right", "")
-
-
-def unbounded(qp: Any) -> Any:
-    free = np.full(qp.q.size, np.inf)
-    return qp._replace(lb=-free, ub=free)
 
 
 def largest_fall(qp: Any, d: np.ndarray) -> float:

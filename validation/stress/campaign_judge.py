@@ -16,7 +16,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 ROUNDING = 1e-14  # of the terms of a residual, which the judge adds up in another order
-POINT = "x", "y", "z", "z_box"
 PROOF = 1.01e-8  # residual of a certificate over its largest entry, without rounding
 SLOPE = 1e-12  # of an LCP's ray, relative to its terms
 
@@ -239,7 +238,7 @@ def judge_qp(
     why = ""
     if truth == "far":
         qp = type(qp)(*wide(qp))
-        answer = answer._replace(**dict(zip(POINT, wide(answer[1:5]), strict=True)))
+        answer = Answer(answer.said, *wide(answer[1:5]), *answer[5:])
     if said == "solved":
         why = qp_faults(qp, answer.x, answer.y, answer.z, answer.z_box, tolerance)
         if proofs and not why:
