@@ -43,18 +43,15 @@ def scene_of(contacts: Any, centre: Array, mass: Array, v: Array) -> Scene:
     return Scene(Bodies(spatial(centre), mass, inertia, velocity), touching)
 
 
-def heap(
-    contacts: int, *, sideways: bool = False, mass_ratio: float = 1e4, seed: int = 0
-) -> BoxLCP:
+def heap(contacts: int, *, sideways: bool = False, seed: int = 0) -> BoxLCP:
     """Return a square heap of discs in a box, of about so many contacts.
 
     The centres are those of a hexagonal lattice, moved at random. A disc lies on two
     discs below, or on one and a wall: N has full rank, body by body from above. With
     `sideways` it touches both neighbours of its row too: A is singular. Some discs are
-    taken out again and all move a little, so that contacts open.
+    taken out again and all move a little, so that contacts open. Masses up to 1e4.
     """
-    scene = heap_of_discs(contacts, sideways, mass_ratio, seed)
-    return nonnegative(*friction_lcp(scene))
+    return nonnegative(*friction_lcp(heap_of_discs(contacts, sideways, 1e4, seed)))
 
 
 def heap_of_discs(contacts: int, sideways: bool, mass_ratio: float, seed: int) -> Scene:

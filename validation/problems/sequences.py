@@ -54,11 +54,8 @@ Steps = Generator[Vectors, np.ndarray | None, None]
 """Yields what changes; is sent the solution, None where there is none."""
 
 
-class Sequence(NamedTuple):
-    """The first problem, and a loop of changes, which asks for less if sent None."""
-
-    problem: Problem
-    steps: Steps
+Sequence = tuple[Problem, Steps]
+"""The first problem, and a loop of changes, which asks for less if sent None."""
 
 
 class Scene(NamedTuple):
@@ -132,7 +129,7 @@ def closed_loop(build: Build, stages: int, level: str) -> Sequence:
             state = F @ state + B @ x[inputs_at]
             state[RATES] += NOISE[level] * rng.standard_normal(6)
 
-    return Sequence(problem, steps())
+    return problem, steps()
 
 
 def single(build: Build, stages: int, state: np.ndarray) -> Problem:
@@ -232,7 +229,7 @@ def shaken_heap(contacts: int, level: str) -> Sequence:
             v = np.zeros(n) if found is None else found
             moved = moved + v
 
-    return Sequence(problem, steps())
+    return problem, steps()
 
 
 NEWS = dict(zip(LEVELS, (1e-3, 1e-2, 1e-1), strict=True))
@@ -258,7 +255,7 @@ def rebalancing(assets: int, level: str) -> Sequence:
             yield {"q": -(first + wander)}
             wander = POOR * wander + NEWS[level] * rng.standard_normal(assets)
 
-    return Sequence(problem, days())
+    return problem, days()
 
 
 VALUES = dict(zip(LEVELS, (1000, 100, 20), strict=True))
@@ -282,7 +279,7 @@ def penalty_path(features: int, level: str) -> Sequence:
         for penalty in penalties:
             yield {"q": linear + penalty * ones}
 
-    return Sequence(problem, steps())
+    return problem, steps()
 
 
 SCENES = {
