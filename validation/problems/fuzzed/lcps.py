@@ -14,8 +14,9 @@ import numpy as np
 import scipy.linalg
 
 from namlcp.scenes.friction import friction_lcp
+from validation.problems import contact_scenes as piles
 from validation.problems.fuzzed.draw import MOST_VARIABLES, Draw, symmetric
-from validation.problems.general import games, piles
+from validation.problems.general import games
 from validation.problems.known_scenes import BoxLCP, nonnegative
 
 INF = np.inf

@@ -17,8 +17,9 @@ import numpy as np
 import scipy.linalg
 
 from namlcp.scenes.friction import Scene, friction_lcp
+from validation.problems import contact_scenes as piles
 from validation.problems import draw
-from validation.problems.general import games, piles
+from validation.problems.general import games
 
 MU = (0.2, 0.5, 0.9)  # in turn, by the seed
 
