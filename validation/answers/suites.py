@@ -33,8 +33,7 @@ from validation.paper import tables
 from validation.peers import benchmark
 from validation.problems import data_sets, infeasible_cases, osqp_classes, sweep_scenes
 from validation.problems.fuzzed import cases
-from validation.problems.general import games
-from validation.problems.general.families import FRICTION
+from validation.problems.general.families import FRICTION, game_lcp
 from validation.stress import campaign, campaign_relations
 from validation.stress.campaign_answers import ask_nam
 
@@ -157,9 +156,9 @@ def family_row(name: str) -> Row:
 
 
 def collected_row(data: Path, name: str) -> Row:
-    if name.startswith("game"):
-        return lcp_row(*games.lcp(*games.gambit(data)[name.removeprefix("game_")]))
     stored = np.load(data / "general" / f"{name}.npz")
+    if name.startswith("game"):
+        return lcp_row(*game_lcp(stored["R"], stored["C"]))
     return lcp_row(stored["A"], stored["q"].ravel())
 
 

@@ -16,7 +16,7 @@ import scipy.linalg
 from namlcp.scenes.friction import friction_lcp
 from validation.problems import contact_scenes as piles
 from validation.problems.fuzzed.draw import MOST_VARIABLES, Draw, symmetric
-from validation.problems.general import games
+from validation.problems.general.families import random_game
 from validation.problems.known_scenes import BoxLCP, nonnegative
 
 INF = np.inf
@@ -276,7 +276,7 @@ def game(draw: Draw) -> Truth:
     """Two players, whose payoffs have ties if they are whole numbers."""
     rows, columns = draw.size(1, 30), draw.size(1, 30)
     seed = int(draw.rng.integers(SEEDS))
-    A, q = games.random_lcp(rows, columns, seed, draw.whole)
+    A, q = random_game(rows, columns, seed, draw.whole)
     mixed = draw.rng.permutation(q.size)
     return nonnegative(A[np.ix_(mixed, mixed)], q), "solvable"
 
