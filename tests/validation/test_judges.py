@@ -12,9 +12,9 @@ from namlcp import Status, solve_qp
 from validation.derivatives import closest
 from validation.harness import qps
 from validation.oracles import agreement
+from validation.oracles.agreement import Answer as Found
+from validation.oracles.agreement import nam
 from validation.oracles.scenes import Scene, at_bounds
-from validation.oracles.solvers import Answer as Found
-from validation.oracles.solvers import nam
 from validation.peers import work_precision
 from validation.problems import known_scenes
 from validation.stress import campaign
