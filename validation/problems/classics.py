@@ -1,7 +1,6 @@
-"""Three problems without friction: a membrane, a pile of discs, a walking robot."""
+"""Two LCPs without friction: a membrane and a pile of discs."""
 
 import numpy as np
-import qpsolvers
 import scipy.sparse as sp
 
 
@@ -56,31 +55,3 @@ def disc_pile(rows: int) -> tuple[sp.csr_array, np.ndarray]:
     velocity[1::2] = -9.81e-3
     A = sp.csr_array(N.T @ sp.diags_array(1.0 / mass) @ N)
     return A, N.T @ velocity
-
-
-def preview_control(steps: int) -> qpsolvers.Problem:
-    """Return a QP: a walking robot keeps its balance (linear model predictive control).
-
-    Point mass at height 0.8 m above alternating footsteps, state (position, velocity,
-    acceleration), jerks as unknowns, 0.1 s a step; the zero-moment point
-    position - 0.8/9.81 acceleration stays within 0.06 m of the support, and the state
-    ends at rest over the last support (Kajita et al., ICRA 2003; Wieber, Humanoids
-    2006).
-    """
-    T, height, gravity = 0.1, 0.8, 9.81
-    F = np.array([[1.0, T, T**2 / 2.0], [0.0, 1.0, T], [0.0, 0.0, 1.0]])
-    g = np.array([T**3 / 6.0, T**2 / 2.0, T])
-    rows = np.zeros((steps, 3, steps))
-    for k in range(steps):
-        if k:
-            rows[k] = F @ rows[k - 1]
-        rows[k, :, k] = g
-    zmp = rows[:, 0] - height / gravity * rows[:, 2]
-    support = np.where(np.arange(steps) // 8 % 2 == 0, 0.1, -0.1)
-    P = 1e-3 * np.eye(steps) + rows[:, 1].T @ rows[:, 1]
-    G = np.vstack((zmp, -zmp))
-    h = np.concatenate((support + 0.06, 0.06 - support))
-    start = 0.1 * np.ones(2 * steps)
-    start[steps:] = -0.1
-    end = np.array([support[-1] - 0.1, 0.0, 0.0])
-    return qpsolvers.Problem(P, np.zeros(steps), G, h - start, rows[-1], end)

@@ -18,7 +18,7 @@ from qpsolvers import Problem
 
 from validation.problems import data_sets, draw, osqp_classes, sequences
 from validation.problems import known_scenes as known
-from validation.problems.classics import disc_pile, preview_control
+from validation.problems.classics import disc_pile
 from validation.problems.contact_scenes import brick_wall, heap
 from validation.problems.sweep_scenes import paper_example, paper_solution, paper_start
 
@@ -66,6 +66,34 @@ def quadcopter(stages: int) -> Task:
     state = np.zeros(sequences.STATES)
     state[[3, sequences.HEIGHT]] = 1.0, 2.0  # where it is, x and z
     return Task(sequences.single(sequences.stagewise_definite, stages, state))
+
+
+def preview_control(steps: int) -> Task:
+    """Return a QP: a walking robot keeps its balance (linear model predictive control).
+
+    Point mass at height 0.8 m above alternating footsteps, state (position, velocity,
+    acceleration), jerks as unknowns, 0.1 s a step; the zero-moment point
+    position - 0.8/9.81 acceleration stays within 0.06 m of the support, and the state
+    ends at rest over the last support (Kajita et al., ICRA 2003; Wieber, Humanoids
+    2006).
+    """
+    T, height, gravity = 0.1, 0.8, 9.81
+    F = np.array([[1.0, T, T**2 / 2.0], [0.0, 1.0, T], [0.0, 0.0, 1.0]])
+    g = np.array([T**3 / 6.0, T**2 / 2.0, T])
+    rows = np.zeros((steps, 3, steps))
+    for k in range(steps):
+        if k:
+            rows[k] = F @ rows[k - 1]
+        rows[k, :, k] = g
+    zmp = rows[:, 0] - height / gravity * rows[:, 2]
+    support = np.where(np.arange(steps) // 8 % 2 == 0, 0.1, -0.1)
+    P = 1e-3 * np.eye(steps) + rows[:, 1].T @ rows[:, 1]
+    G = np.vstack((zmp, -zmp))
+    h = np.concatenate((support + 0.06, 0.06 - support))
+    start = 0.1 * np.ones(2 * steps)
+    start[steps:] = -0.1
+    end = np.array([support[-1] - 0.1, 0.0, 0.0])
+    return Task(Problem(P, np.zeros(steps), G, h - start, rows[-1], end))
 
 
 def linear_svm(points: int, features: int = 20) -> Task:
@@ -125,9 +153,9 @@ def families(data: Path | None) -> dict[str, Family]:
         }),
         "MPC": Family(True, {
             "point mass": lambda: boxed(known.input_bounded_mpc(100)),
-            "walk": lambda: Task(preview_control(24)),
+            "walk": partial(preview_control, 24),
             "point mass, long": lambda: boxed(known.input_bounded_mpc(200)),
-            "walk, long": lambda: Task(preview_control(40)),
+            "walk, long": partial(preview_control, 40),
             "sparse": partial(quadcopter, 60),
             "sparse, long": partial(quadcopter, 650),
         }),
