@@ -16,6 +16,7 @@ from validation.problems.known_scenes import BoxLCP
 from validation.stress import campaign, campaign_relations
 from validation.stress import campaign_answers as answers
 from validation.stress.campaign_judge import (
+    NAM,
     Answer,
     farkas_faults,
     judge_lcp,
@@ -62,7 +63,7 @@ def test_the_judge_sees_every_fault():
     # min x^2/2 - 3x, x <= 1 (row) and 0 <= x <= 5
     qp = QP(row, -3.0 * one, row, one, no_row, none, 0.0 * one, 5.0 * one)
     x, y, z, z_box = one, none, 2.0 * one, 0.0 * one
-    tolerance = answers.NAM
+    tolerance = NAM
     assert qp_faults(qp, x, y, z, z_box, tolerance) == ""
     shift = 1e-6 * one
     assert "primal" in qp_faults(qp, x + shift, y, z - shift, z_box, tolerance)
@@ -109,7 +110,7 @@ def test_the_judge_believes_no_words(said, known, outcome):
     nan = np.full(1, np.nan)
     qp = QP(*[np.ones((1, 1)) if k in (0, 2, 4) else np.ones(1) for k in range(8)])
     answer = Answer(said, nan, nan, nan, nan, "no", RuntimeError)
-    assert judge_qp(qp, known, answer, answers.NAM, True)[0] == outcome
+    assert judge_qp(qp, known, answer, NAM, True)[0] == outcome
 
 
 @pytest.mark.parametrize("index", [8104, 5860, 10909])

@@ -19,8 +19,7 @@ from validation.peers import work_precision
 from validation.problems import known_scenes
 from validation.stress import campaign
 from validation.stress.campaign_answers import Answer, qp_answer
-from validation.stress.campaign_closest import judge_closest
-from validation.stress.campaign_judge import judge_lcp
+from validation.stress.campaign_judge import judge_closest, judge_lcp
 from validation.stress.campaign_relations import RELATIONS, class_of, examine
 from validation.stress.campaign_relations import agreement as agreed
 

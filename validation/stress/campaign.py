@@ -111,7 +111,7 @@ def judged(case: cases.Case, answer: judge.Answer, own: bool) -> tuple[str, str,
         told = case.problem, case.truth, answer, answers.NAM_LCP
         return case.truth, *judge.judge_lcp(*told)
     truth, qp = truth_of(case), answers.clean(case.problem)
-    tolerance = answers.NAM if own else judge.Tolerance(EPS, EPS, LOOSE)
+    tolerance = judge.NAM if own else judge.Tolerance(EPS, EPS, LOOSE)
     return truth, *judge.judge_qp(qp, truth, answer, tolerance, own)
 
 

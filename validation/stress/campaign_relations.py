@@ -6,8 +6,7 @@
   malformed item among some; every item beside a single solve.
 - derivatives: beside differences, on problems around planted solutions
   (`derivatives.differences`), and one-sided ones of fuzzed QPs.
-- closest: the closest feasible problem of infeasible QPs, by the definition
-  (`campaign_closest`).
+- closest: the closest feasible problem of infeasible QPs, by the definition.
 
 What the fresh or single solve has proved, by the judge's definition, is true of a QP;
 the other answer is judged by the definition, and by that. At the edge of the tolerances
@@ -27,9 +26,9 @@ from namlcp.qp import QP
 from validation.derivatives import cases as planted
 from validation.derivatives import differences
 from validation.problems.fuzzed import cases, draw, qps
-from validation.stress.campaign_answers import NAM, clean, qp_answer
-from validation.stress.campaign_closest import closest
-from validation.stress.campaign_judge import Answer, judge_qp
+from validation.stress import campaign_judge as judge
+from validation.stress.campaign_answers import clean, qp_answer
+from validation.stress.campaign_judge import NAM, Answer, Verdict
 
 STEPS = 6  # solves of a sequence
 ITEMS = 5  # QPs of a batch
@@ -37,7 +36,9 @@ MALFORMED = 0.3  # share of the batches with such an item
 ERROR, ADJOINT = 1e-7, 1e-10  # of regular derivatives, as `derivatives` claims
 DIFFERENCE = 1e-4  # relative error of a one-sided difference
 LENGTHS = 1e-2, 1e-4, 1e-6  # by which x moves for it: x is piecewise linear, and rounds
-Verdict = tuple[str, str]  # the outcome, and why it is not right
+SOFT = namlcp.Relaxation(lb=1.0, ub=1.0)
+CHOICES = ("closest", 2, True), ("elastic", 1, True), (SOFT, 2, False)
+"""What is asked for, the norm of the shifts, and whether bounds stay."""
 Check = Callable[[int, int], Verdict]
 RIGHT = "right", ""
 
@@ -54,13 +55,13 @@ def agreement(qp: QP, alone: Answer, other: Answer) -> Verdict:
     if alone.said == "error":  # not convex by rounding
         silent = other.said in ("error", "refused")
         return RIGHT if silent else ("wrong", f"{other.said}, alone: {alone.words}")
-    outcome, why = judge_qp(clean(qp), "near", alone, NAM, proofs=True)
+    outcome, why = judge.judge_qp(clean(qp), "near", alone, NAM, proofs=True)
     if outcome == "wrong":
         return outcome, f"alone: {why}"
     truth = "near"
     if outcome == "right":
         truth = "solvable" if alone.said == "solved" else "both"
-    outcome, why = judge_qp(clean(qp), truth, other, NAM, proofs=True)
+    outcome, why = judge.judge_qp(clean(qp), truth, other, NAM, proofs=True)
     if outcome == "refused" and truth == "near":
         return RIGHT
     if outcome == "wrong" and why == f"called {other.said}":
@@ -168,6 +169,21 @@ def regular(function: Any, right: float, seed: int, number: int) -> Verdict:
     if error <= right and gap <= ADJOINT:
         return RIGHT
     return "wrong", f"off by {error:.1e}, adjoint by {gap:.1e}"
+
+
+def closest(maker: cases.Maker, d: draw.Draw) -> Verdict:
+    """Judge a closest point; nothing if the QP is feasible."""
+    qp, _ = maker(d)
+    choice, norm, bounds_stay = CHOICES[int(d.rng.integers(len(CHOICES)))]
+    wrap = sp.csc_array if d.chance(0.5) else np.asarray
+    given = {k: wrap(v) if v.ndim == 2 else v for k, v in qp._asdict().items()}
+    result = namlcp.solve_qp(**given, infeasible=choice)
+    if result.closest is None:
+        return RIGHT
+    verdict = judge.judge_qp(clean(qp), "both", qp_answer(result), NAM, proofs=True)
+    if verdict != RIGHT:
+        return verdict
+    return judge.judge_closest(clean(qp), norm, bounds_stay, result.closest)
 
 
 def drawn(check: Any, maker: cases.Maker, seed: int, number: int) -> Verdict:
