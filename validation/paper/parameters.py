@@ -27,7 +27,6 @@ from namlcp.limits import Limits
 from validation.harness import Job, Row
 from validation.harness.suite import Args, Suite
 from validation.problems import data_sets, known_scenes, sweep_scenes
-from validation.problems.classics import forced_obstacle
 
 EPS_REL = 1e-6  # of Res(0)
 WANTED = 1.3  # sweeps over those of the best point, at most
@@ -46,7 +45,7 @@ def scenes(data: Path) -> dict[str, known_scenes.BoxLCP]:
         f"Example {k}, delta = {delta:g}": sweep_scenes.paper_example(k, M, delta)
         for k, delta in itertools.product((1, 2), DELTAS)
     }
-    found["obstacle"] = sweep_scenes.halfline(*forced_obstacle(M))
+    found["obstacle"] = known_scenes.obstacle(M)
     for name in ("fcp2d_367", "capsules_286", "granular2d_2020", "kaplas_570"):
         found[name] = sweep_scenes.contact(data, name)
     X, y = data_sets.heart_scale(data)

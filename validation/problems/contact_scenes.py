@@ -5,8 +5,9 @@ Each is one time step of rigid bodies (Moreau-Jean, no restitution), as a
 step is STEP, and bodies are pushed at random, so that some contacts stick, some slide
 and some open. All have a solution: no gap is negative and bodies at rest are feasible.
 
-Without friction, in the plane (`heap`, `brick_wall`), impulses z >= 0 along the normals
-N between masses M, with the free velocity v after a step of gravity, solve
+Without friction, in the plane (`heap`, `brick_wall`, `disc_pile`), impulses z >= 0
+along the normals N between masses M, with the free velocity v after a step of gravity,
+solve
 
     w = A z + q >= 0,   z'w = 0,   A = N'M^-1 N,   q = N'v,
 
@@ -19,6 +20,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 
 from namlcp.scenes.friction import Bodies, Contacts, Scene, friction_lcp
 from validation.problems.known_scenes import BoxLCP, nonnegative
@@ -127,6 +129,42 @@ def brick_wall(contacts: int, *, mass_ratio: float = 1e4, seed: int = 0) -> BoxL
     bodies = Bodies(centre, mass, np.outer(mass, INERTIA), velocity)
     scene = scene_of(bodies, map(np.concatenate, zip(*touches, strict=True)))
     return nonnegative(*friction_lcp(scene))
+
+
+def disc_pile(rows: int) -> tuple[sp.csr_array, Array]:
+    """Return LCP(q, A): frictionless contact forces in a hexagonal pile of discs.
+
+    Unit discs of random mass (seed 0) lie in `rows` rows of decreasing length on a
+    floor and between the walls of a wedge. A is singular.
+    """
+    place = [(2 * i + r, r) for r in range(rows) for i in range(rows - r)]
+    index, high = {at: k for k, at in enumerate(place)}, np.sqrt(0.75)
+    steps = ((2, 0), (1.0, 0.0)), ((1, 1), (0.5, high)), ((-1, 1), (-0.5, high))
+    touches = []
+    for (i, r), k in index.items():
+        for step, normal in steps:
+            other = index.get((i + step[0], r + step[1]))
+            if other is not None:
+                touches.append((k, other, normal))
+        sides = (
+            (r == 0, (0.0, 1.0)),
+            (i == r, (high, -0.5)),
+            (i == 2 * rows - 2 - r, (-high, -0.5)),
+        )
+        touches += [(-1, k, normal) for is_there, normal in sides if is_there]
+    first, second, normals = map(np.array, zip(*touches, strict=True))
+    body, along = np.append(first, second), np.vstack((-normals, normals))
+    moved = np.flatnonzero(body >= 0)
+    rows_of_N = 2 * body[moved, None] + np.arange(2)
+    columns_of_N = np.repeat(moved % len(touches), 2)
+    entries = along[moved].ravel(), (rows_of_N.ravel(), columns_of_N)
+    size = 2 * len(place)
+    N = sp.csr_array(entries, shape=(size, len(touches)))
+    mass = np.repeat(np.random.default_rng(0).uniform(0.5, 2.0, len(place)), 2)
+    velocity = np.zeros(size)
+    velocity[1::2] = -9.81e-3
+    A = sp.csr_array(N.T @ sp.diags_array(1.0 / mass) @ N)
+    return A, N.T @ velocity
 
 
 # ---- with friction

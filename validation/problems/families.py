@@ -18,8 +18,7 @@ from qpsolvers import Problem
 
 from validation.problems import data_sets, draw, osqp_classes, sequences
 from validation.problems import known_scenes as known
-from validation.problems.classics import disc_pile
-from validation.problems.contact_scenes import brick_wall, heap
+from validation.problems.contact_scenes import brick_wall, disc_pile, heap
 from validation.problems.sweep_scenes import paper_example, paper_solution, paper_start
 
 PAPER_SIDES = (10, 30, 100)  # m of the paper's tables, with n = m^2 unknowns
@@ -124,7 +123,8 @@ def families(data: Path | None) -> dict[str, Family]:
     """Return the families by name, with what the data folder has of them."""
     from namlcp.lcp import SWEEPS
 
-    X, y = known.svm_data(data)
+    heart = data is not None and (data / "svm" / "heart_scale").exists()
+    X, y = data_sets.heart_scale(data) if heart else known.two_clouds(270)
     classed = osqp_classes.generate
     sweeps = tuple(f"sweep {name}" for name in (*SWEEPS, "lemke"))
     examples = {

@@ -13,15 +13,10 @@ obstacle, 50 sin(3 pi x) sin(3 pi y).
 """
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.spatial import Delaunay
-
-from validation.problems import data_sets
-from validation.problems.classics import forced_obstacle
 
 
 class BoxLCP(NamedTuple):
@@ -125,6 +120,13 @@ def boundary_terms(u: np.ndarray) -> np.ndarray:
     return (u[:-2, inner] + u[2:, inner] + u[inner, :-2] + u[inner, 2:]).ravel()
 
 
+def forced_obstacle(m: int) -> tuple[sp.csr_array, np.ndarray]:
+    """Return A and q of `obstacle`."""
+    h = 1.0 / (m + 1)
+    wave = np.sin(3.0 * np.pi * h * np.arange(1, m + 1))
+    return five_point(m, m), -50.0 * h**2 * np.outer(wave, wave).ravel()
+
+
 def obstacle(m: int) -> BoxLCP:
     """Return the forced obstacle: z >= 0 under a load of changing sign.
 
@@ -210,13 +212,6 @@ def two_clouds(n: int, features: int = 5) -> tuple[np.ndarray, np.ndarray]:
     return rng.standard_normal((n, features)) + 0.7 * y[:, None], y
 
 
-def svm_data(data: Path | None, n: int = 270) -> tuple[np.ndarray, np.ndarray]:
-    """Return X and y: heart_scale of the data folder, n generated points without it."""
-    if data is None or not (data / "svm" / "heart_scale").exists():
-        return two_clouds(n)
-    return data_sets.heart_scale(data)
-
-
 def svm_rbf(X: np.ndarray, y: np.ndarray, gamma: float, C: float = 1.0) -> BoxLCP:
     """Return the dual of a support vector machine with RBF kernel, without bias.
 
@@ -289,6 +284,8 @@ def triangles(m: int, jump: float = 1.0, seed: int = 0) -> BoxLCP:
     `jump` on the black squares of a chess board and 1 elsewhere, which makes some
     off-diagonals positive.
     """
+    from scipy.spatial import Delaunay
+
     h = 1.0 / (m + 1)
     i, j = (axis.ravel() for axis in np.indices((m + 2, m + 2)))
     inside = (i > 0) & (i <= m) & (j > 0) & (j <= m)
