@@ -99,8 +99,8 @@ def problem_classes() -> dict[str, BoxLCP]:
         "Laplacian": obstacle(20),
         "SPD, not H": spd_not_h(300),
         "singular contact, discs": halfline(*disc_pile(14)),
-        "singular contact, bricks": halfline(*brick_wall(240, mass_ratio=4.0)[:2]),
+        "singular contact, bricks": brick_wall(240, mass_ratio=4.0),
         "badly scaled rows": badly_scaled(20),
         "nonsymmetric H+": nonsymmetric_h_plus(400),
-        "dense positive": halfline(*hertz.half_space(16)),
+        "dense positive": nonnegative(*hertz.half_space(16)),
     }

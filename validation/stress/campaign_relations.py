@@ -33,7 +33,6 @@ from validation.stress.campaign_judge import NAM, Answer, Verdict
 STEPS = 6  # solves of a sequence
 ITEMS = 5  # QPs of a batch
 MALFORMED = 0.3  # share of the batches with such an item
-ERROR, ADJOINT = 1e-7, 1e-10  # of regular derivatives, as `derivatives` claims
 DIFFERENCE = 1e-4  # relative error of a one-sided difference
 LENGTHS = 1e-2, 1e-4, 1e-6  # by which x moves for it: x is piecewise linear, and rounds
 SOFT = namlcp.Relaxation(lb=1.0, ub=1.0)
@@ -101,11 +100,10 @@ def batch(maker: cases.Maker, d: draw.Draw) -> Verdict:
     change = qps.changed if d.chance(0.5) else qps.moved_vectors
     items += [change(d, items[0]) for _ in range(ITEMS - 1)]
     arguments, stacked = {}, False
-    for name, first in items[0]._asdict().items():
-        same = all(getattr(item, name) is first for item in items)
+    for name, values in zip(QP._fields, zip(*items, strict=True), strict=True):
+        same = all(value is values[0] for value in values)
         once = same and d.chance(0.7)
-        values = np.stack([getattr(item, name) for item in items])
-        arguments[name] = first if once else values
+        arguments[name] = values[0] if once else np.stack(values)
         stacked = stacked or not once
     bad = int(d.rng.integers(ITEMS)) if d.chance(MALFORMED) else None
     if bad is not None or not stacked:  # one argument at least has a batch axis
@@ -164,9 +162,10 @@ def at_kink(family: Callable[[int], QP], seed: int, number: int) -> Verdict:
     return one_sided(qp, planted.direction(qp, number, names[number % len(names)]))
 
 
-def regular(function: Any, right: float, seed: int, number: int) -> Verdict:
+def regular(about: tuple[str, str], seed: int, number: int) -> Verdict:
+    function, right = differences.FAMILIES[about]
     error, gap = function(10**7 * seed + number)
-    if error <= right and gap <= ADJOINT:
+    if error <= right and gap <= differences.ADJOINT:
         return RIGHT
     return "wrong", f"off by {error:.1e}, adjoint by {gap:.1e}"
 
@@ -201,11 +200,9 @@ RELATIONS: dict[str, dict[str, Check]] = {
     "sequences": of_fuzzed(sequence, cases.CONVEX),
     "batches": of_fuzzed(batch, cases.CONVEX),
     "derivatives": {
-        "derivative QP": partial(regular, differences.regular_qp, ERROR),
-        "derivative LCP": partial(regular, differences.regular_lcp, ERROR),
-        "derivative weak lcp": partial(
-            regular, differences.lcp_kink_error, differences.RIGHT
-        ),
+        "derivative QP": partial(regular, ("QP", "all")),
+        "derivative LCP": partial(regular, ("LCP", "all")),
+        "derivative weak lcp": partial(regular, ("weak_lcp", "A, q")),
         **{
             f"derivative {family.__name__.replace('_', ' ')}": partial(at_kink, family)
             for family in planted.KINKS
