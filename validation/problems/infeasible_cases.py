@@ -168,7 +168,6 @@ def linear_program(cost: np.ndarray, problem: Problem) -> Any:
 
 
 def fix_outside(problem: Problem) -> Problem | None:
-    """Hold one of the first variables beyond what the constraints allow."""
     P, q, G, h, A, b, lb, ub = qps.parts(problem)
     for j in range(min(q.size, 20)):
         cost, low, high = np.zeros(q.size), lb.copy(), ub.copy()

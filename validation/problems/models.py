@@ -32,12 +32,10 @@ class Model(NamedTuple):
     expected: str = "optimal"
 
 
-def least(cost: Any, *constraints: Any) -> cp.Problem:
-    return cp.Problem(cp.Minimize(cost), list(constraints))
-
-
-def posed(terms: Any) -> cp.Problem:
-    return least(*terms) if isinstance(terms, tuple) else least(terms)
+def least(terms: Any, *constraints: Any) -> cp.Problem:
+    """Return the problem of a cost, or a tuple of it and constraints, and of others."""
+    cost, *rows = terms if isinstance(terms, tuple) else (terms,)
+    return cp.Problem(cp.Minimize(cost), [*rows, *constraints])
 
 
 # ---- fits: data, and what is made of them
@@ -186,7 +184,7 @@ FITS: dict[str, Fit] = {
 
 def fit(terms: Callable[..., Terms], data: Any, m: int, n: int) -> cp.Problem:
     X, y = data(m, n)
-    return posed(terms(cp.Variable(X.shape[1]), X, y))
+    return least(terms(cp.Variable(X.shape[1]), X, y))
 
 
 # ---- portfolios
@@ -203,7 +201,7 @@ def portfolio(terms: Callable[..., Terms], n: int) -> cp.Problem:
     mean, loadings, specific = market(n, max(2, n // 10))
     w = cp.Variable(n)
     sigma = loadings @ loadings.T + np.diag(specific)
-    return least(*terms(w, mean, cp.quad_form(w, cp.psd_wrap(sigma))))
+    return least(terms(w, mean, cp.quad_form(w, cp.psd_wrap(sigma))))
 
 
 def capital(w: Any, mean: np.ndarray, risk: Any) -> Terms:
@@ -266,7 +264,7 @@ def control(terms: Any, scale: float, nx: int, nu: int, steps: int) -> cp.Proble
     A, B, start = plant(nx, nu)
     x, u = cp.Variable((nx, steps + 1)), cp.Variable((nu, steps))
     moves = x[:, 0] == scale * start, x[:, 1:] == A @ x[:, :-1] + B @ u
-    return least(*terms(x, u), *moves)
+    return least(terms(x, u), *moves)
 
 
 CONTROLS: dict[str, tuple[Callable[..., Terms], float, int]] = {
@@ -550,7 +548,7 @@ OTHERS: dict[str, tuple[Any, ...]] = {
 
 
 def other(terms: Callable[..., Any], n: int, m: int = 0) -> cp.Problem:
-    return posed(terms(cp.Variable(n), m, np.random.default_rng(n)))
+    return least(terms(cp.Variable(n), m, np.random.default_rng(n)))
 
 
 MODELS: dict[str, Model] = {}
