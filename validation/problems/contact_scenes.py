@@ -251,9 +251,8 @@ def pile_of_balls(
     sides = ((r, range(layers - r)) for r in range(layers))
     place = [(i, j, r) for r, side in sides for i in side for j in side]
     up = np.array([0.0, 0.0, 1.0])
-    centre = np.array(
-        [(2.0 * i + r, 2.0 * j + r, 1.0 + np.sqrt(2.0) * r) for i, j, r in place]
-    )
+    i, j, r = np.array(place).T
+    centre = np.column_stack((2.0 * i + r, 2.0 * j + r, 1.0 + np.sqrt(2.0) * r))
     below = [(a, b, -1) for a in (0, 1) for b in (0, 1)]
     touches = lattice(place, centre, [(-1, 0, 0), (0, -1, 0), *below], up)
     return pushed(centre, 0.4, touches, mu, ratio, seed, directions)

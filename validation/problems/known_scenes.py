@@ -299,9 +299,8 @@ def triangles(m: int, jump: float = 1.0, seed: int = 0) -> BoxLCP:
     c = np.roll(x, -2, axis=1) - np.roll(x, -1, axis=1)
     area = 0.5 * np.abs(b[:, 0] * c[:, 1] - b[:, 1] * c[:, 0])
     black = np.floor(8.0 * x.mean(axis=1)) + np.floor(8.0 * y.mean(axis=1))
-    factor = np.where(black % 2 == 0, 1.0, jump) / (
-        4.0 * np.maximum(area, 1e-6 * h * h)
-    )
+    factor = np.where(black % 2 == 0, 1.0, jump)
+    factor /= 4.0 * np.maximum(area, 1e-6 * h * h)
     number = np.full(points.shape[0], -1, dtype=np.int32)
     number[inside] = np.arange(m * m)
     own = number[corner]

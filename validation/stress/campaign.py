@@ -163,9 +163,8 @@ def run(args: argparse.Namespace) -> int:
         print(f"{part}: {tally.done(part)['count']} problems", flush=True)
     shown = "set class:30 truth solver outcome count first:60"
     rows = tally.rows.values()
-    tables.print_rows(
-        (row for row in rows if row["outcome"] not in ("right", "done")), shown
-    )
+    others = (row for row in rows if row["outcome"] not in ("right", "done"))
+    tables.print_rows(others, shown)
     ours = (row["outcome"] for row in rows if row["solver"] == "nam")
     return int(not {"right", "refused", "done"}.issuperset(ours))
 

@@ -240,9 +240,8 @@ def judge_qp(
     """Judge an answer; truth as in `fuzzed.qps`."""
     said = answer.said
     if said == "error":
-        fitting = truth in ("not convex", "near", "far") and issubclass(
-            answer.kind or KeyError, ValueError
-        )
+        fitting = truth in ("not convex", "near", "far")
+        fitting = fitting and issubclass(answer.kind or KeyError, ValueError)
         side, P = "h must be +inf", "P must be positive semidefinite"
         named = (side if truth == "far" else P) in answer.words
         return ("right" if fitting and named else "raised"), answer.words

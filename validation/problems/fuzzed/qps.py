@@ -23,6 +23,7 @@ from validation.problems.fuzzed.draw import MOST_ROWS, MOST_VARIABLES, Draw, sym
 INF, Array = np.inf, np.ndarray
 Truth = tuple[QP, str]
 Cost = Callable[[Draw, int], Array]
+Maker = Callable[[Draw], Truth]
 
 
 def planted(
@@ -57,10 +58,7 @@ def ordinary(draw: Draw, P: Array, m: int, p: int) -> Truth:
     return planted(draw, P, draw.matrix(m, n), draw.matrix(p, n))[0], "solvable"
 
 
-def with_cost(
-    name: str, cost: Cost, truth: str = "solvable"
-) -> Callable[[Draw], Truth]:
-
+def with_cost(name: str, cost: Cost, truth: str = "solvable") -> Maker:
     def made(draw: Draw) -> Truth:
         n, m, p = draw.sizes()
         return ordinary(draw, cost(draw, n), m, p)[0], truth
@@ -122,15 +120,13 @@ def modelled(draw: Draw) -> Truth:
     n, m, p = draw.sizes()
     n = min(n, 45)
     residuals, single = draw.size(1, 15), draw.size(1, n)
-    P = scipy.linalg.block_diag(
-        draw.any_cost(n), np.diag(draw.rng.integers(0, 3, residuals).astype(float))
-    )
+    P, weights = draw.any_cost(n), draw.rng.integers(0, 3, residuals).astype(float)
+    P = scipy.linalg.block_diag(P, np.diag(weights))
     G = draw.matrix(m, n + residuals)
     G[:, n:] = 0.0
     rows = np.zeros((single, n + residuals))
-    rows[np.arange(single), draw.rng.integers(0, n, single)] = draw.rng.choice(
-        [-2.0, -1.0, 1.0, 0.5], single
-    )
+    entries = draw.rng.choice([-2.0, -1.0, 1.0, 0.5], single)
+    rows[np.arange(single), draw.rng.integers(0, n, single)] = entries
     G = np.vstack((G, rows))[:MOST_ROWS]
     A = np.hstack((draw.matrix(p, n), np.zeros((p, residuals))))
     own = np.hstack((draw.matrix(residuals, n), -np.eye(residuals)))
@@ -230,13 +226,11 @@ def empty(draw: Draw) -> Truth:
         m, p = ((0, 2), (2, 0), (0, 0))[int(draw.rng.integers(3))]
         return ordinary(draw, draw.any_cost(n), m, p)
     m, p = (int(k) for k in draw.rng.integers(0, 3, 2))
-    none = np.zeros(0)
+    none, G, A = np.zeros(0), np.zeros((m, 0)), np.zeros((p, 0))
     h = draw.rng.integers(-1, 3, m).astype(float)
     b = draw.rng.integers(0, 2, p).astype(float)
     holds = bool((h >= 0.0).all() and (b == 0.0).all())
-    qp = QP(
-        np.zeros((0, 0)), none, np.zeros((m, 0)), h, np.zeros((p, 0)), b, none, none
-    )
+    qp = QP(np.zeros((0, 0)), none, G, h, A, b, none, none)
     return qp, "solvable" if holds else "infeasible"
 
 
@@ -344,9 +338,8 @@ def wild(draw: Draw) -> Truth:
     ub = np.where(draw.some(n, 0.5), np.maximum(lb, draw.numbers(n) + 2.0), INF)
     slack = draw.one_of(0.0, 2.0, 5.0)
     # nearly singular ones HiGHS would call unbounded
-    cost = (Draw.definite, Draw.semidefinite, Draw.linear, Draw.diagonal)[
-        int(draw.rng.integers(4))
-    ]
+    costs = Draw.definite, Draw.semidefinite, Draw.linear, Draw.diagonal
+    cost = costs[int(draw.rng.integers(4))]
     qp = QP(
         cost(draw, n), draw.numbers(n), draw.matrix(m, n), draw.numbers(m) + slack,
         draw.matrix(p, n), draw.numbers(p), lb, ub,
