@@ -76,6 +76,12 @@ diagonal_cost = with_cost("diagonal_cost", Draw.diagonal)
 not_convex = with_cost("not_convex", Draw.indefinite, "not convex")
 
 
+def matrices(draw: Draw) -> tuple[Array, Array, Array]:
+    """Return P of any cost, G and A."""
+    n, m, p = draw.sizes()
+    return draw.any_cost(n), draw.matrix(m, n), draw.matrix(p, n)
+
+
 def bounds_alone(draw: Draw) -> Truth:
     n = draw.size(1, MOST_VARIABLES)
     P = draw.any_cost(n)
@@ -85,10 +91,8 @@ def bounds_alone(draw: Draw) -> Truth:
 
 def degenerate(draw: Draw) -> Truth:
     """Most of what holds has multiplier 0, and half of all rows hold."""
-    n, m, p = draw.sizes()
-    P = draw.any_cost(n)
-    qp, x = planted(draw, P, draw.matrix(m, n), draw.matrix(p, n), weak=0.7)
-    touch = draw.some(m, 0.5)
+    qp, x = planted(draw, *matrices(draw), weak=0.7)
+    touch = draw.some(qp.h.size, 0.5)
     return qp._replace(h=np.where(touch, qp.G @ x, qp.h)), "solvable"
 
 
@@ -109,10 +113,8 @@ def dependent_rows(draw: Draw, G: Array, A: Array) -> tuple[Array, Array]:
 
 
 def redundant(draw: Draw) -> Truth:
-    n, m, p = draw.sizes()
-    P = draw.any_cost(n)
-    G, A = dependent_rows(draw, draw.matrix(m, n), draw.matrix(p, n))
-    return planted(draw, P, G, A)[0], "solvable"
+    P, G, A = matrices(draw)
+    return planted(draw, P, *dependent_rows(draw, G, A))[0], "solvable"
 
 
 def modelled(draw: Draw) -> Truth:
@@ -142,8 +144,7 @@ def large_sparse(draw: Draw) -> Truth:
 
 def any_solvable(draw: Draw) -> tuple[QP, Array]:
     """Return a QP of any cost, with dependent rows or not, and its solution."""
-    n, m, p = draw.sizes()
-    P, G, A = draw.any_cost(n), draw.matrix(m, n), draw.matrix(p, n)
+    P, G, A = matrices(draw)
     if draw.chance(0.3):
         G, A = dependent_rows(draw, G, A)
     return planted(draw, P, G, A)
@@ -191,9 +192,8 @@ def far_scales(draw: Draw) -> Truth:
 
 def at_bounds(draw: Draw) -> Truth:
     """Bounds on all variables, most of which hold, some with the multiplier 0."""
-    n, m, p = draw.sizes()
-    P, G, A = draw.any_cost(n), draw.matrix(m, n), draw.matrix(p, n)
-    c = draw.power(-3, 3, n)
+    P, G, A = matrices(draw)
+    c = draw.power(-3, 3, len(P))
     P, q, G, h, A, b, lb, ub = planted(draw, P, G, A, weak=0.3, box=1.0)[0]
     P = symmetric(P * c[:, None] * c)
     return QP(P, q * c, G * c, h, A * c, b, lb / c, ub / c), "solvable"
