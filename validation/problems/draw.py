@@ -1,4 +1,4 @@
-"""QPs and LCPs with a known solution: what all sets, and the tests, plant them with.
+"""QPs with a known solution: what all sets, and the tests, plant them with.
 
 `around` makes the QP that a point solves, `planted` one around a random point. The
 dials of a random QP are those of `Dials`; `definite` has a condition. CHANGES are what
@@ -44,14 +44,6 @@ def definite(rng: Rng, n: int, condition: float) -> Array:
     V, _ = np.linalg.qr(rng.standard_normal((n, n)))
     A = (V * np.geomspace(1.0, 1.0 / condition, n)) @ V.T
     return 0.5 * (A + A.T)
-
-
-def pair(rng: Rng, n: int, both: float = 0.1) -> tuple[Array, Array]:
-    """Return complementary z and w, half of z positive, a share where both are 0."""
-    kind = rng.random(n)
-    z = rng.exponential(size=n) * (kind < 0.5)
-    w = rng.exponential(size=n) * (kind > 0.5 + both)
-    return z, w
 
 
 def planted(
