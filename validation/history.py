@@ -14,7 +14,7 @@ from typing import Any
 from validation.applications import large
 from validation.derivatives import packages
 from validation.general import benchmark as general
-from validation.harness import Bench, Job, cli, csv_files, machine, quiet, timing
+from validation.harness import Bench, Job, cli, csv_files, machine, timing
 from validation.peers import benchmark
 from validation.problems import data_sets, osqp_classes
 from validation.repeated import dense, sequences
@@ -70,11 +70,11 @@ def main(arguments: list[str] | None = None) -> int:
     args = cli.parser(__doc__, data=..., csv=FILE).parse_args(arguments)
     cli.begin()
     about = {"commit": machine.commit(), "cpu": machine.cpu_name()}
-    about |= {"load": f"{quiet.busy_cores():.1f}", "date": time.strftime("%F")}
+    about |= {"load": f"{machine.busy_cores():.1f}", "date": time.strftime("%F")}
     before = {
         row["figure"]: row["value"]
         for row in csv_files.read(args.csv)
-        if row["cpu"] == about["cpu"] and float(row["load"]) <= quiet.MOST_BUSY
+        if row["cpu"] == about["cpu"] and float(row["load"]) <= machine.MOST_BUSY
     }
     child = Bench(work, "nam", LIMIT, args.data)
     found: Any = child.ask()

@@ -2,7 +2,7 @@
 
 JOBS names the CSV files and the commands that make them. A file is up to date while its
 stamp, a hash of the sources that its commands depend on, is that of now. --full waits
-until the machine is quiet (`harness.quiet`). What a command printed is in OUT/logs.
+until the machine is quiet (`harness.machine`). What a command printed is in OUT/logs.
 `--full --out validation` renews the repository's own files, and its README files. Jobs
 whose data are missing are named and left out.
 """
@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from validation.claims import DOCUMENTS, claims, moved, values, written
-from validation.harness import cli, quiet
+from validation.harness import cli, machine
 
 LOWER_ROOMS = ("harness", "problems", "applications", "derivatives")
 
@@ -131,9 +131,9 @@ def run(job: Job, data: Path, out: Path, quick: bool, again: bool) -> str:
             script, *words = line.split()
             given = dict(os.environ)
             if job.timed:
-                quiet.wait_until_quiet()
+                machine.wait_until_quiet()
             else:
-                given.pop(quiet.LOAD, None)
+                given.pop(machine.QUIET, None)
             command = cli.script(script, *(word.format(**paths) for word in words))
             streams = {"stdout": log, "stderr": subprocess.STDOUT}
             done = subprocess.run(command, cwd=cli.ROOT, env=given, **streams)
@@ -171,7 +171,6 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--only", nargs="+", choices=[job.name for job in JOBS])
     parser.add_argument("--again", action="store_true", help="nothing is up to date")
     parser.add_argument("--list", action="store_true", help="the jobs and minutes")
-    parser.add_argument("--busy", action="store_true", help="beside one other process")
     args = parser.parse_args(arguments)
     out = args.out.resolve()
     jobs = [job for job in JOBS if not args.only or job.name in args.only]
@@ -183,7 +182,7 @@ def main(arguments: list[str] | None = None) -> int:
     for folder in ("results", "figures", "logs", "stamps"):
         (out / folder).mkdir(parents=True, exist_ok=True)
     if args.full:
-        os.environ[quiet.LOAD] = quiet.BESIDE if args.busy else quiet.QUIET
+        os.environ[machine.QUIET] = "1"
     before = claims(values(out / "results"))
     sizes = [args.quick, args.again]
     faults = list(run_all(jobs, args.data.resolve(), out, sizes))
