@@ -14,7 +14,7 @@ from typing import Any
 from validation.applications import large
 from validation.derivatives import packages
 from validation.general import benchmark as general
-from validation.harness import Bench, Job, cli, csv_files, machine, timing
+from validation.harness import Bench, Job, Row, cli, machine, tables, timing
 from validation.peers import benchmark
 from validation.problems import data_sets, osqp_classes
 from validation.repeated import dense, sequences
@@ -27,7 +27,7 @@ STEPS = (("condensed MPC", 10), ("sparse MPC, definite", 30), ("contact", 120))
 Figure = tuple[str, float]
 
 
-def of_problems(name: str, rows: list[csv_files.Row]) -> Iterator[Figure]:
+def of_problems(name: str, rows: list[Row]) -> Iterator[Figure]:
     """Yield how many problems are solved, and the geometric mean of their times."""
     yield f"{name}, solved", sum(row["success"] for row in rows)
     times = [1e3 * row["runtime"] for row in rows if row["success"]]
@@ -73,7 +73,7 @@ def main(arguments: list[str] | None = None) -> int:
     about |= {"load": f"{machine.busy_cores():.1f}", "date": time.strftime("%F")}
     before = {
         row["figure"]: row["value"]
-        for row in csv_files.read(args.csv)
+        for row in tables.read(args.csv)
         if row["cpu"] == about["cpu"] and float(row["load"]) <= machine.MOST_BUSY
     }
     child = Bench(work, "nam", LIMIT, args.data)
@@ -81,9 +81,9 @@ def main(arguments: list[str] | None = None) -> int:
     child.stop()
     if isinstance(found, dict):
         raise RuntimeError(found["status"])
-    with csv_files.writer(args.csv, [], COLUMNS, append=True) as write:
+    with tables.growing(args.csv, [], COLUMNS) as file:
         for name, value in found:
-            write(about | {"figure": name, "value": f"{value:.5g}"})
+            file.add(about | {"figure": name, "value": f"{value:.5g}"})
             ratio = value / float(before[name]) if name in before else float("nan")
             print(f"{name:<34} {value:>8.4g} {ratio:8.2f}", flush=True)
     return 0

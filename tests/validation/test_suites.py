@@ -7,7 +7,7 @@ from child_work import answer
 
 from validation import report
 from validation.__main__ import main
-from validation.harness import cli, csv_files, machine
+from validation.harness import cli, machine, tables
 from validation.harness.suite import Late, Suite, limit_beside
 from validation.stress import campaign
 
@@ -64,7 +64,7 @@ def test_a_suite_ends_what_hangs_and_goes_on(tmp_path, one_thread):
     command = ["run", "--csv", str(file), "--go-on"]
     assert TRIED.main([*command, "--only", "1", "2"]) == 0
     assert TRIED.main(command) == 0
-    rows = csv_files.read(file)
+    rows = tables.read(file)
     said = {(r["problem"], r["solver"], r["eps"]): r["said"] for r in rows}
     assert len(said) == len(rows) == 18
     missed = {key: word for key, word in said.items() if word != "solved"}

@@ -27,7 +27,7 @@ from pathlib import Path
 from typing import Any
 
 from validation.answers.suites import all_suites, row_of
-from validation.harness import Row, cli, csv_files, machine
+from validation.harness import Row, cli, machine, tables
 
 COLUMNS = ("name", "status", "method", "verdict", "objective", "slack", "residual",
            "size", "mark", "iterations", "seconds")  # fmt: skip
@@ -50,7 +50,7 @@ def solved(data: Path | None, suite: str, names: list[str]) -> list[Row]:
 def chosen(suite: str, names: list[str], book: Path, quick: bool) -> list[str]:
     if not quick:
         return names
-    rows = csv_files.read(book / f"{suite}.csv")
+    rows = tables.read(book / f"{suite}.csv")
     soon = {row["name"] for row in rows if float(row["seconds"]) < SOON}
     return [name for name in names if name in soon][::QUICK]
 
@@ -65,7 +65,7 @@ def run(args: Any) -> dict[str, list[Row]]:
                 continue
             wanted = chosen(suite, names, args.book, args.quick)
             file = args.run / f"{suite}.csv"
-            with csv_files.growing(file, [], COLUMNS, ("name",)) as rows:
+            with tables.growing(file, [], COLUMNS, ("name",)) as rows:
                 done = {row["name"] for row in rows.rows}
                 left = [name for name in wanted if name not in done]
                 size = max(1, min(50, len(left) // (4 * args.jobs)))
@@ -80,7 +80,7 @@ def run(args: Any) -> dict[str, list[Row]]:
 
 
 def number(row: Row, column: str) -> float:
-    return csv_files.number(row.get(column))
+    return tables.number(row.get(column))
 
 
 def difference(old: Row, new: Row) -> str:
@@ -117,7 +117,7 @@ def compare(found: dict[str, list[Row]], book: Path) -> int:
     total: collections.Counter[str] = collections.Counter()
     listed = []
     for suite, rows in found.items():
-        stored = {row["name"]: row for row in csv_files.read(book / f"{suite}.csv")}
+        stored = {row["name"]: row for row in tables.read(book / f"{suite}.csv")}
         counts: collections.Counter[str] = collections.Counter()
         work = [0.0, 0.0]
         for new in rows:

@@ -30,7 +30,6 @@ from validation.harness import (
     Job,
     Row,
     charts,
-    csv_files,
     judging,
     processes,
     qp_solvers,
@@ -218,7 +217,7 @@ PILES = {"heap": "o", "heap, wide": "s", "wall": "^"}
 
 
 def plot(results: Path, figures: Path) -> None:
-    rows = csv_files.read(results)
+    rows = tables.read(results)
     dashed = {"color": charts.DARK, "linestyle": "--", "label": "one linear solve"}
     size = charts.WIDTH, 7.5
     figure, grid = plt.subplots(

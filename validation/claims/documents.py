@@ -12,7 +12,7 @@ from pathlib import Path
 
 from validation.claims import figures
 from validation.claims.figures import Figures, Spec, claims
-from validation.harness import Row, cli, csv_files, tables
+from validation.harness import Row, cli, tables
 
 DOCUMENTS = (
     cli.ROOT / "README.md",
@@ -55,7 +55,7 @@ def of_claims(part: str, known: Figures) -> str:
 
 def taken(results: Path) -> str:
     files: dict[tuple[str, ...], int] = {}
-    headers = map(csv_files.header, results.glob("*.csv"))
+    headers = map(tables.header, results.glob("*.csv"))
     for header in filter(None, headers):  # history.csv has none
         said = {name: value for name, _, value in (x.partition(": ") for x in header)}
         key = tuple(said.get(name, "") for name in ("commit", "date", "cpu", "load"))

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from validation.harness import tables
-from validation.harness.csv_files import Row
+from validation.harness.tables import Row
 
 mpl.use("Agg")
 

@@ -8,9 +8,9 @@ import scipy.sparse as sp
 from qpsolvers import Problem, Solution
 
 from validation.harness import timing
-from validation.harness.csv_files import Row
 from validation.harness.processes import Job, failure, raised
 from validation.harness.qps import parts
+from validation.harness.tables import Row
 
 RESIDUALS = ["primal_residual", "dual_residual", "duality_gap", "sign_violation"]
 

@@ -8,8 +8,8 @@ from collections.abc import Callable
 from multiprocessing.connection import Connection
 from typing import Any, NamedTuple
 
-from validation.harness.csv_files import Row
 from validation.harness.machine import wait_until_quiet
+from validation.harness.tables import Row
 
 GRACE = 2.0  # [s] on top of the time limit before a child process is ended
 LOADING = 120.0  # [s] to read a problem, warm up and, once, compile

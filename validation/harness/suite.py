@@ -17,9 +17,9 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from validation.harness import cli, csv_files, machine, tables
-from validation.harness.csv_files import Growing, Row
+from validation.harness import cli, machine, tables
 from validation.harness.processes import LATE, OURS, Bench, Work
+from validation.harness.tables import Growing, Row
 
 PEER_TIMES, PEER_LEAST = 10.0, 1.0  # times of namlcp's, [s]: see `limit_beside`
 SHOWN = 12  # columns that are printed
@@ -135,7 +135,7 @@ class Suite:
         )
         columns = self.columns.replace("|", " ").split()
         with (
-            csv_files.growing(args.csv, header, columns, self.keys, args.go_on) as file,
+            tables.growing(args.csv, header, columns, self.keys, args.go_on) as file,
             ExitStack() as stack,
         ):
             try:
@@ -167,7 +167,7 @@ class Parts:
                 self.plot(args.results, args.figures)
             else:
                 rows = list(self.rows[part]())
-                csv_files.write(args.results / f"{part}.csv", header, rows)
+                tables.write(args.results / f"{part}.csv", header, rows)
         return 0
 
 

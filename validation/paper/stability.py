@@ -35,7 +35,7 @@ from scipy.stats import linregress
 
 from namlcp import Status, natural_residual, solve_lcp
 from namlcp.lcp import SWEEPS
-from validation.harness import Row, charts, csv_files, tables
+from validation.harness import Row, charts, tables
 from validation.harness.suite import Parts
 from validation.problems import sweep_scenes
 from validation.problems.known_scenes import BoxLCP
@@ -182,7 +182,7 @@ def finish(figure: Figure, axes: Any, file: Path, across: str, down: str) -> Non
 
 def plot(results: Path, figures: Path) -> None:
     """Draw c against alpha for every class (column) and method (row), then units."""
-    rows = csv_files.read(results / "stability.csv")
+    rows = tables.read(results / "stability.csv")
     classes = tables.distinct(rows, "class")
     methods = tables.distinct(rows, "method", "shift")
     figure, grid = plt.subplots(
@@ -210,7 +210,7 @@ def plot(results: Path, figures: Path) -> None:
         fontsize=9,
     )
     finish(figure, grid, figures / "stability-maps.png", "$\\alpha$", "c")
-    plot_units(csv_files.read(results / "stability-units.csv"), figures)
+    plot_units(tables.read(results / "stability-units.csv"), figures)
 
 
 def plot_units(rows: list[Row], figures: Path) -> None:

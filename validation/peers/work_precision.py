@@ -31,7 +31,6 @@ from validation.harness import (
     Job,
     Row,
     charts,
-    csv_files,
     judging,
     processes,
     qp_solvers,
@@ -134,7 +133,7 @@ def solution_of(data: Path | None, family: str, name: str) -> np.ndarray | None:
 
 
 def complete(row: Row) -> Row:
-    residual = csv_files.number(row.get("residual"))
+    residual = tables.number(row.get("residual"))
     point, about = row.pop("point", None), (row["data"], row["family"], row["problem"])
     late = row["status"].startswith("too slow")
     row["missed"], row["error"] = late or not residual <= MISS * row["eps"], None
@@ -258,7 +257,7 @@ NAMED_SWEEPS = ("sweep pgs", "sweep namsor", "sweep modulus", "sweep lemke")
 
 def summary(file: Path) -> list[Row]:
     """Return quartiles of time and error, by family, solver and tolerance."""
-    rows = csv_files.read(file)
+    rows = tables.read(file)
     found = []
     for family, solver, eps in tables.distinct(rows, "family", "solver", "eps"):
         own = tables.chosen(rows, family=family, solver=solver, eps=eps)

@@ -29,7 +29,6 @@ from validation.harness import (
     Job,
     Row,
     charts,
-    csv_files,
     judging,
     qp_solvers,
     tables,
@@ -80,13 +79,13 @@ DRAWN = ("nam", "daqp", "quadprog", "piqp", "proxqp", "clarabel", "osqp")
 
 
 def plot(results: Path, figures: Path) -> None:
-    steps = csv_files.read(results.parent / "sequences.csv")
+    steps = tables.read(results.parent / "sequences.csv")
     steps = tables.chosen(steps, scene=SCENE, level=LEVEL)
     figure, panels = plt.subplots(
         1, 2, figsize=(charts.WIDTH, 3.6), width_ratios=(1.5, 1.0), layout="constrained"
     )
     for axes, rows, across, title, below in (
-        (panels[0], csv_files.read(results), "n",
+        (panels[0], tables.read(results), "n",
          "One dense QP, n variables and 2n rows", "n"),
         (panels[1], steps, "variables", "One step of model predictive control",
          "variables (sparse QP, same matrices)"),
