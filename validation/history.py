@@ -40,7 +40,7 @@ def figures(job: Job) -> Iterator[Figure]:
         rows = [benchmark.measure(job, problem_set, name, eps) for name in names]
         yield from of_problems(f"{problem_set} at {eps:g}", rows)
     sizes = {name: str(own.sizes[1]) for name, own in osqp_classes.CLASSES.items()}
-    rows = [benchmark.measure_class(job, *key, 1e-6) for key in sizes.items()]
+    rows = [benchmark.measure(job, *key, 1e-6) for key in sizes.items()]
     yield from of_problems("classes of 10^4 entries", rows)
     for n in (5, 20, 100, 300):
         yield f"one QP of {n}, us", dense.latency(job, n, 1e-6)["microseconds"]
