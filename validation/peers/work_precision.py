@@ -26,18 +26,10 @@ from matplotlib.ticker import LogLocator
 from qpsolvers import Problem, Solution
 from scipy.sparse.linalg import splu
 
-from namlcp import natural_residual
-from validation.harness import (
-    Job,
-    Row,
-    charts,
-    judging,
-    processes,
-    qp_solvers,
-    qps,
-    tables,
-)
-from validation.harness.suite import Args, Late, Suite
+from namlcp import natural_residual, solve_lcp
+from namlcp.lcp import SWEEPS
+from validation.harness import Job, Row, charts, judging, qp_solvers, qps, tables
+from validation.harness.suite import Args, Late, Suite, is_ours
 from validation.problems import families
 
 DENSE = ("daqp", "quadprog")  # solvers that fill P
@@ -50,9 +42,6 @@ def sweep_call(
     task: families.Task, name: str, eps: float, limit: float
 ) -> Callable[[], Any]:
     """Return the call of a named method on the LCP, its parameters chosen by itself."""
-    from namlcp import solve_lcp
-    from namlcp.lcp import SWEEPS
-
     P, q = task.problem.P, task.problem.q
     A = sp.csr_array(P) if sp.issparse(P) else P
     free = {"omega"} if name == "modified-nam" else {"alpha", "omega"}
@@ -78,19 +67,15 @@ def solver_call(
 
 def judged(task: families.Task, answer: Any, eps: float) -> Row:
     """Return the point and its residual, whatever the solver says of it."""
+    problem = task.problem
     if isinstance(answer, Solution):
-        found = Solution(task.problem, found=True, x=answer.x)
-        if answer.x is None or not np.all(np.isfinite(answer.x)):
-            return judging.judge(task.problem, answer, eps)
-        found.y, found.z, found.z_box = answer.y, answer.z, answer.z_box
-        row = judging.judge(task.problem, found, eps)
-        worst = max(np.nan_to_num(row[name], nan=np.inf) for name in judging.RESIDUALS)
-        point, status, residual = answer.x, row["status"], float(worst)
-    else:
-        problem, point, status = task.problem, answer.z, answer.status.value
-        w = problem.P @ point + problem.q
-        residual = natural_residual(point, w, problem.lb, problem.ub)
-    return {"residual": residual, "status": status, "point": point}
+        answer.problem = problem
+        answer.found = answer.x is not None and bool(np.isfinite(answer.x).all())
+        row = judging.judge(problem, answer, eps)
+        return row | {"point": answer.x if answer.found else None}
+    z = answer.z
+    residual = natural_residual(z, problem.P @ z + problem.q, problem.lb, problem.ub)
+    return {"residual": residual, "status": answer.status.value, "point": z}
 
 
 @cache
@@ -104,12 +89,10 @@ def task_of(data: Path | None, family: str, name: str) -> families.Task:
 
 
 def measure(job: Job, family: str, name: str, eps: float) -> Row:
-    import namlcp  # noqa: F401
-
     task = task_of(job.data, family, name)
     n = task.problem.q.size
     if job.solver in DENSE and n > DENSE_MOST:
-        return {"n": n} | processes.failure(f"too slow: dense, n > {DENSE_MOST}")
+        return {"n": n, "status": f"too slow: dense, n > {DENSE_MOST}"}
     # tiny ones of its kind load what is needed; ours chooses a method by the size, too
     tiny = [families.Task(problem) for problem in qps.tiny_problems(task.problem)]
     for other in [*tiny, task] if job.solver in OURS else tiny:
@@ -127,8 +110,6 @@ def solution_of(data: Path | None, family: str, name: str) -> np.ndarray | None:
     task = task_of(data, family, name)
     if task.exact is not None:
         return task.exact
-    import namlcp  # noqa: F401
-
     return reference(task.problem, qpsolvers.solve_problem(task.problem, solver="nam"))
 
 
@@ -182,23 +163,19 @@ def strictly_convex(P: Any) -> bool:
     return bool(factors.U.diagonal().min() > STRICT)
 
 
-def stacked(problem: Problem) -> tuple[sp.csr_array, np.ndarray, int]:
-    """Return C, d and p: C x = d in the first p rows (of A), C x <= d below."""
+def stacked(
+    problem: Problem, solution: Solution
+) -> tuple[sp.csr_array, np.ndarray, np.ndarray, int]:
+    """Return C, d, multipliers and p: C x = d in the first p rows, C x <= d below."""
     _, q, G, h, A, b, lb, ub = qps.parts(problem)
     eye = sp.csr_array(sp.eye_array(q.size, format="csr"))
     up, low = np.isfinite(ub), np.isfinite(lb)
     C = sp.vstack([sp.csr_array(A), sp.csr_array(G), eye[up], -eye[low]])
-    return sp.csr_array(C), np.concatenate([b, h, ub[up], -lb[low]]), b.size
-
-
-def multipliers(problem: Problem, solution: Solution) -> np.ndarray:
-    parts = [np.zeros(0)]
-    parts += [solution.y] if problem.A is not None else []
-    parts += [solution.z] if problem.G is not None else []
-    for sign, bound in ((1.0, problem.ub), (-1.0, problem.lb)):
-        if bound is not None:
-            parts.append(np.maximum(sign * solution.z_box[np.isfinite(bound)], 0.0))
-    return np.concatenate(parts)
+    y, z = judging.filled(solution.y, b.size), judging.filled(solution.z, h.size)
+    z_box = judging.filled(solution.z_box, q.size)
+    v = [y, z, np.maximum(z_box[up], 0.0), np.maximum(-z_box[low], 0.0)]
+    d = np.concatenate([b, h, ub[up], -lb[low]])
+    return sp.csr_array(C), d, np.concatenate(v), b.size
 
 
 def reference(problem: Problem, solution: Solution) -> np.ndarray | None:
@@ -208,9 +185,8 @@ def reference(problem: Problem, solution: Solution) -> np.ndarray | None:
     """
     if solution.x is None or not strictly_convex(problem.P):
         return None
-    C, d, p = stacked(problem)
-    slack = d - C @ solution.x
-    active = multipliers(problem, solution) > slack
+    C, d, multipliers, p = stacked(problem, solution)
+    active = multipliers > d - C @ solution.x
     active[:p] = True
     P = sp.csr_array(problem.P)
     B, side = C[active], d[active]
@@ -276,12 +252,9 @@ def named(rows: list[Row], family: str) -> list[str]:
     if family == "paper":
         return ["sweep auto", *NAMED_SWEEPS]
     least = min(abs(math.log(row["eps"] / RANKED_AT)) for row in rows)
-    others = [row for row in rows if row["solver"].split()[0] not in ("nam", "sweep")]
-    ranked = sorted(
-        (row["time"][1], row["solver"])
-        for row in others
-        if abs(math.log(row["eps"] / RANKED_AT)) == least
-    )
+    near = [row for row in rows if abs(math.log(row["eps"] / RANKED_AT)) == least]
+    times = ((row["time"][1], row["solver"]) for row in near)
+    ranked = sorted(pair for pair in times if not is_ours(pair[1]))
     return ["nam", *(solver for _, solver in ranked[:NAMED])]
 
 

@@ -25,15 +25,7 @@ from matplotlib import pyplot as plt
 from qpsolvers import Problem
 
 import namlcp
-from validation.harness import (
-    Job,
-    Row,
-    charts,
-    judging,
-    qp_solvers,
-    tables,
-    timing,
-)
+from validation.harness import Job, Row, charts, judging, qp_solvers, tables, timing
 from validation.harness.suite import Args, Late, Suite
 from validation.problems import draw
 
@@ -65,12 +57,8 @@ def latency(job: Job, n: int, eps: float) -> Row:
         judged.append(judging.judge(problem, solution, eps))
         if best > timing.SLOW:
             break
-    residuals = (row.get(name, np.inf) for row in judged for name in judging.RESIDUALS)
-    failed = [row["status"] for row in judged if not row["success"]]
     row: Row = {"microseconds": 1e6 * statistics.median(medians)}
-    row |= {"solved": len(judged) - len(failed), "problems": len(judged)}
-    row["status"] = failed[0] if failed else "solved"
-    return row | {"residual": max(residuals)}
+    return row | {"problems": len(judged)} | judging.summary(judged)
 
 
 SCENE, LEVEL = "sparse MPC, definite", "moves a little"

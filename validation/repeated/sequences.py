@@ -73,17 +73,14 @@ def replayed(job: Job, sequence: Recorded, eps: float) -> Row:
                 now |= changed
                 judged.append(judged_step(workspace, Problem(**now), fresh[k], eps))
     best = 1e6 * times.min(axis=0)
-    failed = [row["status"] for row in judged if not row["success"]]
-    found = {"solved": len(judged) - len(failed), "microseconds": np.median(best)}
-    found |= {k: max(row[k] for row in judged) for k in ("residual", "difference")}
-    return found | {"status": failed[0] if failed else "solved"}
+    found = judging.summary(judged) | {"microseconds": np.median(best)}
+    return found | {"difference": max(row["difference"] for row in judged)}
 
 
 def judged_step(workspace: Any, problem: Problem, fresh: np.ndarray, eps: float) -> Row:
-    """Return the verdict on a step, its worst residual and distance to fresh x."""
+    """Return the verdict on a step, with its distance to fresh x."""
     solution = workspace.solution(problem)
     row = judging.judge(problem, solution, eps)
-    row["residual"] = max(row.get(name, np.inf) for name in judging.RESIDUALS)
     size = max(1.0, judging.largest(fresh))
     row["difference"] = judging.largest(solution.x - fresh) / size
     return row
