@@ -29,6 +29,7 @@ import numpy as np
 from cvxpy.error import SolverError
 from scipy.linalg import solve_discrete_are
 
+from namlcp.cvxpy import NAM, register
 from validation.harness import Job, Row, timing
 from validation.harness.suite import Args, Suite
 from validation.problems import models
@@ -96,8 +97,6 @@ def judge(problem: Any, chain: Any, raw: Any, data: Any, inverse: Any) -> Row:
 
 
 def work(job: Job, size: str, name: str) -> Row:
-    from namlcp.cvxpy import register
-
     register()
     model = models.MODELS[name]
     keyword, options = SOLVERS[job.solver]
@@ -215,8 +214,6 @@ SEQUENCES: dict[str, tuple[Callable[..., Sequence], dict[str, tuple[int, ...]]]]
 
 
 def resolve(name: str, size: str, variant: str) -> Row:
-    from namlcp.cvxpy import NAM
-
     make, sizes = SEQUENCES[name]
     keyword, options = SOLVERS[variant]
     problem, steps = make(*sizes[size])

@@ -24,6 +24,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from examples.falling import FallingDiscs
+from namlcp import solve_lcp
 from validation.harness import Job, Row, timing
 from validation.harness.suite import Args, Late, Suite
 from validation.problems.general import families
@@ -56,10 +57,8 @@ def dense(A: Any) -> np.ndarray:
 
 
 def by_nam(A: Any, q: np.ndarray, limit: float, method: str = "auto") -> Answer:
-    import namlcp
-
     accuracy = EPS * float(np.abs(q).max())
-    result = namlcp.solve_lcp(A, q, method=method, time_limit=limit, eps_abs=accuracy)
+    result = solve_lcp(A, q, method=method, time_limit=limit, eps_abs=accuracy)
     return result.status.value, result.z
 
 

@@ -104,13 +104,11 @@ class Suite:
 
     def parsed(self, arguments: list[str] | None) -> Args:
         doc = sys.modules[self.requests.__module__].__doc__
-        parser = cli.parser(doc, "quick", "go-on", "csv", "figures")
+        parser = cli.parser(doc, "data", "quick", "go-on", "csv", "figures", limit=None)
         tasks = ["run", *["plot"] * bool(self.plot)]
         parser.add_argument("task", nargs="?", choices=tasks, default="run")
-        parser.add_argument("--data", type=Path, help="the data folder")
         parser.add_argument("--solvers", nargs="+", choices=self.solvers)
         parser.add_argument("--eps", nargs="+", type=float, help="tolerances")
-        parser.add_argument("--limit", type=float, help="[s] a request")
         parser.add_argument("--only", nargs="+", help="names of sets or problems")
         args = parser.parse_args(arguments)
         if self.needs_data and args.task == "run" and args.data is None:
