@@ -33,7 +33,7 @@ class Growing:
 
 @contextlib.contextmanager
 def growing(
-    path: Path, header: list[str], columns: Names, keys: Names = (), goes_on: bool = True
+    path: Path, header: Names, columns: Names, keys: Names = (), goes_on: bool = True
 ) -> Iterator[Growing]:
     """Yield the file with the rows that it has; goes_on=False begins it anew."""
     goes_on = goes_on and path.exists()
@@ -48,7 +48,7 @@ def growing(
         yield Growing(rows, keys, writer.writerow)
 
 
-def write(path: Path, header: list[str], rows: list[Row]) -> None:
+def write(path: Path, header: Names, rows: list[Row]) -> None:
     with growing(path, header, list(rows[0]), goes_on=False) as file:
         for row in rows:
             file.add(row)

@@ -33,41 +33,46 @@ def answered(
     return Solution(problem, found=found, x=x, y=y, z=z, z_box=z_box)
 
 
-class Calls:
-    """`namlcp.solve_qp`, which starts from its last answer."""
+class Workspace:
+    """A `solver` that updates and solves; `answer` is what its `solve` returns."""
 
-    def __init__(self, problem: Problem, eps: float) -> None:
-        self.data = qps.by_name(problem)
-        self.options = told("nam", eps)
-        self.result = namlcp.solve_qp(**self.data, **self.options)
+    solver: Any
 
     def prepared(self, vectors: Vectors) -> Vectors:
         return vectors
 
-    def step(self, vectors: Vectors) -> None:
-        self.data.update(vectors)
-        given = self.data | self.options
-        self.result = namlcp.solve_qp(**given, warm_start=self.result)
-
-    def solution(self, problem: Problem) -> Solution:
-        r = self.result
-        found = r.status is namlcp.Status.SOLVED
-        return answered(problem, found, r.x, (r.y, r.z, r.z_box))
+    def step(self, arguments: Vectors) -> None:
+        self.solver.update(**arguments)
+        self.answer = self.solver.solve()
 
 
-class Kept(Calls):
+class Kept(Workspace):
     """`namlcp.Solver`."""
 
     def __init__(self, problem: Problem, eps: float) -> None:
         self.solver = namlcp.Solver(*problem.unpack(), **told("nam", eps))
-        self.result = self.solver.solve()
+        self.answer = self.solver.solve()
 
-    def step(self, vectors: Vectors) -> None:
-        self.solver.update(**vectors)
-        self.result = self.solver.solve()
+    def solution(self, problem: Problem) -> Solution:
+        r = self.answer
+        found = r.status is namlcp.Status.SOLVED
+        return answered(problem, found, r.x, (r.y, r.z, r.z_box))
 
 
-class Piqp:
+class Calls(Kept):
+    """`namlcp.solve_qp`, which starts from its last answer."""
+
+    def __init__(self, problem: Problem, eps: float) -> None:
+        self.data, self.options = qps.by_name(problem), told("nam", eps)
+        self.answer = namlcp.solve_qp(**self.data, **self.options)
+
+    def step(self, arguments: Vectors) -> None:
+        self.data.update(arguments)
+        given = self.data | self.options
+        self.answer = namlcp.solve_qp(**given, warm_start=self.answer)
+
+
+class Piqp(Workspace):
     """PIQP's dense or sparse solver."""
 
     def __init__(self, problem: Problem, eps: float) -> None:
@@ -75,32 +80,26 @@ class Piqp:
 
         P, q, G, h, A, b, lb, ub = qps.parts(problem)
         sparse = sp.issparse(P)
-        form = sp.csc_matrix if sparse else np.asfortranarray
-        if not sparse:
-            G, A = (C.toarray() if sp.issparse(C) else C for C in (G, A))
+        form = sp.csc_matrix if sparse else lambda M: np.asfortranarray(qps.dense(M))
         self.solver = piqp.SparseSolver() if sparse else piqp.DenseSolver()
         self.solved = piqp.PIQP_SOLVED
         for key, value in told("piqp", eps).items():
             setattr(self.solver.settings, key, value)
         bounds = (np.clip(side, -INFINITY, INFINITY) for side in (lb, ub))
         self.solver.setup(form(P), q, form(A), b, form(G), None, h, *bounds)
-        self.status = self.solver.solve()
+        self.answer = self.solver.solve()
 
     def prepared(self, vectors: Vectors) -> Vectors:
         names = {"q": "c", "h": "h_u", "b": "b", "lb": "x_l", "ub": "x_u"}
         return {names[key]: value for key, value in vectors.items()}
 
-    def step(self, arguments: Vectors) -> None:
-        self.solver.update(**arguments)
-        self.status = self.solver.solve()
-
     def solution(self, problem: Problem) -> Solution:
         r = self.solver.result
         multipliers = r.y, r.z_u, r.z_bu - r.z_bl
-        return answered(problem, self.status == self.solved, r.x, multipliers)
+        return answered(problem, self.answer == self.solved, r.x, multipliers)
 
 
-class Stacked:
+class Stacked(Workspace):
     """A solver of rows lower <= C x <= upper: those of G, of A, and bounds.
 
     `order` has the parts that are rows, by their vectors; `names` are those of q, lower
@@ -156,16 +155,12 @@ class Daqp(Stacked):
         rows = C.toarray()[P.shape[0] :]  # the bounds are not among them
         sense = np.zeros(C.shape[0], dtype=np.int32)
         sense[C.shape[0] - A.shape[0] :] = 5  # equations
-        self.model = daqp.Model()
+        self.solver = daqp.Model()
         now = self.prepared(self.now)
-        P = P.toarray() if sp.issparse(P) else P
-        self.model.setup(P, now["f"], rows, now["bupper"], now["blower"], sense)
-        self.model.settings = told("daqp", eps)
-        self.answer = self.model.solve()
-
-    def step(self, arguments: Vectors) -> None:
-        self.model.update(**arguments)
-        self.answer = self.model.solve()
+        P = qps.dense(P)
+        self.solver.setup(P, now["f"], rows, now["bupper"], now["blower"], sense)
+        self.solver.settings = told("daqp", eps)
+        self.answer = self.solver.solve()
 
     def solution(self, problem: Problem) -> Solution:
         x, _, flag, info = self.answer
@@ -183,19 +178,17 @@ class Proxqp(Stacked):
         from proxsuite import proxqp
 
         room = proxqp.sparse if sp.issparse(P) else proxqp.dense
-        if not sp.issparse(P):
-            A, C = (M.toarray() if sp.issparse(M) else M for M in (A, C))
-        form = sp.csc_matrix if sp.issparse(P) else np.asarray
-        self.qp = room.QP(P.shape[0], A.shape[0], C.shape[0])
+        form = sp.csc_matrix if sp.issparse(P) else qps.dense
+        self.solver = room.QP(P.shape[0], A.shape[0], C.shape[0])
         for key, value in told("proxqp", eps).items():
-            setattr(self.qp.settings, key, value)
+            setattr(self.solver.settings, key, value)
         start = proxqp.InitialGuess.WARM_START_WITH_PREVIOUS_RESULT
-        self.qp.settings.initial_guess = start
+        self.solver.settings.initial_guess = start
         self.solved = proxqp.QPSolverOutput.PROXQP_SOLVED
         now = self.prepared(self.now)
         equations = (form(A), self.now["b"]) if A.shape[0] else (None, None)
-        self.qp.init(form(P), now["g"], *equations, form(C), now["l"], now["u"])
-        self.qp.solve()
+        self.solver.init(form(P), now["g"], *equations, form(C), now["l"], now["u"])
+        self.solver.solve()
 
     def prepared(self, vectors: Vectors) -> Vectors:
         arguments = super().prepared(vectors)
@@ -203,12 +196,8 @@ class Proxqp(Stacked):
             arguments["b"] = vectors["b"]
         return arguments
 
-    def step(self, arguments: Vectors) -> None:
-        self.qp.update(**arguments)
-        self.qp.solve()
-
     def solution(self, problem: Problem) -> Solution:
-        r = self.qp.results
+        r = self.solver.results
         return self.answered(problem, r.info.status == self.solved, r.x, r.z, r.y)
 
 
