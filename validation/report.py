@@ -52,11 +52,9 @@ def suite(
     plot: bool = False, timed: bool = True,
 ) -> Job:  # fmt: skip
     """Return the job of a suite: one file, and a chart of it with `plot`."""
-    name, *options = script.split(" --")
-    commands = f"{name} run {{quick}} --csv {{csv}} --go-on --data {{data}}"
-    commands += "".join(f" --{option}" for option in options)
+    commands = f"{script} {{quick}} --csv {{csv}} --go-on --data {{data}}"
     if plot:
-        commands += f"\n{name} plot --csv {{csv}} --figures {{figures}}"
+        commands += f"\n{script} plot --csv {{csv}} --figures {{figures}}"
     return Job(file, commands, minutes, quick, True, timed)
 
 

@@ -71,14 +71,10 @@ class Suite(NamedTuple):
     solve: Callable[[str], Row]
 
 
-def weights(n: int) -> np.ndarray:
-    return np.cos(1.0 + np.arange(n))
-
-
 def point_of(x: np.ndarray) -> Row:
     if not np.isfinite(x).all():
         return {}
-    size, mark = float(np.linalg.norm(x)), float(weights(x.size) @ x)
+    size, mark = np.linalg.norm(x), np.cos(1.0 + np.arange(x.size)) @ x
     return {"size": f"{size:.8g}", "mark": f"{mark:.8g}"}
 
 

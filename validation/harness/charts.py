@@ -18,7 +18,6 @@ from validation.harness.tables import Row
 
 mpl.use("Agg")
 
-
 WIDTH = 9.0  # [in]
 BLUE, CYAN, GREEN, PURPLE = "#4477AA", "#66CCEE", "#228833", "#AA3377"
 YELLOW, RED = "#CCBB44", "#EE6677"
