@@ -17,7 +17,7 @@ from validation.general import benchmark as general
 from validation.harness import Bench, Job, Row, cli, machine, tables, timing
 from validation.peers import benchmark
 from validation.problems import data_sets, osqp_classes
-from validation.repeated import dense, sequences
+from validation.repeated import benchmark as repeated
 
 LIMIT = 900.0  # [s] for all of them
 FILE = cli.RESULTS / "history.csv"
@@ -43,12 +43,12 @@ def figures(job: Job) -> Iterator[Figure]:
     rows = [benchmark.measure(job, *key, 1e-6) for key in sizes.items()]
     yield from of_problems("classes of 10^4 entries", rows)
     for n in (5, 20, 100, 300):
-        yield f"one QP of {n}, us", dense.latency(job, n, 1e-6)["microseconds"]
-    row = dense.batch(job, 10, 20, 10_000, 1)
+        yield f"one QP of {n}, us", repeated.latency(job, n, 1e-6)["microseconds"]
+    row = repeated.batch(job, 10, 20, 10_000, 1)
     yield "QP of 10 in a batch, us", row["microseconds"]
     for scene, size in STEPS:
-        made = sequences.recorded(scene, size, "moves a little", 60)
-        step = sequences.replayed(job, made, 1e-9)["microseconds"]
+        made = repeated.recorded(scene, size, "moves a little", 60)
+        step = repeated.replayed(job, made, 1e-9)["microseconds"]
         yield f"step of {scene} {size}, us", step
     for family, n in (("pile", 200), ("games", 140)):
         times = [general.work(job, family, n, seed)["runtime"] for seed in range(3)]
