@@ -44,6 +44,12 @@ class Late(NamedTuple):
         value = float(row[self.by])
         return -value if self.by == "eps" else value
 
+    def alike(self, row: Row) -> tuple[str, ...]:
+        return row["solver"], *(str(row[name]) for name in self.same)
+
+
+NEVER_LATE = Late(same=(), words=frozenset())
+
 
 def solved(row: Row) -> bool:
     return str(row.get("success")) == "True"
@@ -84,7 +90,7 @@ class Suite:
     quick: dict[str, Any] = field(default_factory=dict)
     complete: Callable[[Row], Row] | None = None
     conclude: Callable[[list[Row]], list[Row]] | None = None
-    late: Late | None = None
+    late: Late = NEVER_LATE
     needs_data: bool = False
     beside: bool = False
     alone: bool = False
@@ -215,25 +221,18 @@ class Run:
     def problem(self, row: Row) -> tuple[str, ...]:
         return tuple(str(row[key]) for key in self.file.keys if key != "solver")
 
-    def alike(self, row: Row) -> tuple[str, ...]:
-        assert self.suite.late is not None
-        return row["solver"], *(str(row[name]) for name in self.suite.late.same)
-
     def note(self, row: Row) -> None:
-        said = row.get("status") or row.get("said")
-        if self.suite.late and said in self.suite.late.words:
-            self.late[self.alike(row)].append(row)
+        if (row.get("status") or row.get("said")) in self.suite.late.words:
+            self.late[self.suite.late.alike(row)].append(row)
         if self.suite.beside and is_ours(row["solver"]) and self.suite.success(row):
             self.ours[self.problem(row)].append(float(row["runtime"]))
 
     def answer(self, request: Row) -> Row | None:
-        suite, solver = self.suite, request["solver"]
-        if suite.late:
-            asked = suite.late.hardness(request)
-            known = self.late[self.alike(request)]
-            late = [row for row in known if suite.late.hardness(row) <= asked]
-            if len(late) >= suite.late.times:
-                return late[-1] | request if suite.late.copied else None
+        suite, solver, late = self.suite, request["solver"], self.suite.late
+        known = self.late[late.alike(request)]
+        known = [r for r in known if late.hardness(r) <= late.hardness(request)]
+        if len(known) >= late.times:
+            return known[-1] | request if late.copied else None
         child = self.child(solver)
         child.limit = self.args.limit
         if not is_ours(solver):
@@ -241,10 +240,8 @@ class Run:
             if suite.beside:
                 ours = self.ours[self.problem(request)]
                 child.limit = limit_beside(ours, child.limit)
-        if "ask" in request:
-            return request | child.ask(*request["ask"])
-        names = [key for key in self.file.keys if key != "solver"]
-        return request | child.ask(*(request[name] for name in names))
+        values = [request[key] for key in self.file.keys if key != "solver"]
+        return request | child.ask(*request.get("ask", values))
 
     def child(self, solver: str) -> Bench:
         if self.suite.alone and solver in self.children:
