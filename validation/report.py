@@ -132,7 +132,8 @@ def run(job: Job, data: Path, out: Path, quick: bool, again: bool) -> str:
                 machine.wait_until_quiet()
             else:
                 given.pop(machine.QUIET, None)
-            command = cli.script(script, *(word.format(**paths) for word in words))
+            command = [sys.executable, "-u", "-m", "validation", script]
+            command += [word.format(**paths) for word in words]
             streams = {"stdout": log, "stderr": subprocess.STDOUT}
             done = subprocess.run(command, cwd=cli.ROOT, env=given, **streams)
             code = done.returncode

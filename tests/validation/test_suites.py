@@ -1,6 +1,6 @@
 """The harness: one suite end to end, runs that stop and go on, the report."""
 
-import sys
+import subprocess
 
 import pytest
 from child_work import answer
@@ -104,14 +104,14 @@ def test_commands_of_the_report_have_their_arguments(command, capsys):
 def test_a_report_makes_only_what_is_out_of_date(tmp_path, monkeypatch):
     asked = []
 
-    def script(*words):
-        asked.append(words)
-        return [sys.executable, "-c", ""]
+    def run(command, **streams):
+        asked.append(command)
+        return subprocess.CompletedProcess(command, 0)
 
-    monkeypatch.setattr(report.cli, "script", script)
+    monkeypatch.setattr(report.subprocess, "run", run)
     for folder in ("results", "figures", "logs", "stamps"):
         (tmp_path / folder).mkdir()
     for again, runs in ((False, 1), (False, 1), (True, 2)):
         assert report.run(report.JOBS[1], tmp_path, tmp_path, False, again) == ""
         assert len(asked) == runs
-    assert asked[0][0] == "peers.benchmark"
+    assert "peers.benchmark" in asked[0]

@@ -37,9 +37,7 @@ ROUNDING, SAME = 1e-11, 1e-5  # of objectives; of points with one objective
 KINDS = ("wrong", "other", "worse", "better", "failure", "point", "way", "same")
 
 
-@cache
-def suites(data: Path | None) -> dict[str, Any]:
-    return all_suites(data)
+suites = cache(all_suites)
 
 
 def solved(data: Path | None, suite: str, name: str) -> Row:

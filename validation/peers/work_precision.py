@@ -78,9 +78,7 @@ def judged(task: families.Task, answer: Any, eps: float) -> Row:
     return {"residual": residual, "status": answer.status.value, "point": z}
 
 
-@cache
-def known_families(data: Path | None) -> dict[str, families.Family]:
-    return families.families(data)
+known_families = cache(families.families)
 
 
 @lru_cache(maxsize=1)

@@ -34,17 +34,9 @@ from matplotlib import pyplot as plt
 from qpsolvers import Problem
 
 import namlcp
-from validation.harness import (
-    Job,
-    Row,
-    charts,
-    judging,
-    qp_solvers,
-    qps,
-    tables,
-    timing,
-)
+from validation.harness import Job, Row, charts, judging, qp_solvers, qps, tables
 from validation.harness.suite import Args, Late, Suite
+from validation.harness.timing import SLOW, median_time
 from validation.problems import draw, sequences
 from validation.repeated.workspaces import WORKSPACES
 
@@ -68,13 +60,13 @@ def latency(job: Job, n: int, eps: float) -> Row:
     for parts in zip(*stack, strict=True):
         best, problem = np.inf, Problem(*parts)
         for _ in range(ROUNDS):
-            solution, _, median = timing.median_time(partial(ask, problem))
+            solution, _, median = median_time(partial(ask, problem))
             best = min(best, median)
             if best > LONG:
                 break
         medians.append(best)
         judged.append(judging.judge(problem, solution, eps))
-        if best > timing.SLOW:
+        if best > SLOW:
             break
     row: Row = {"microseconds": 1e6 * statistics.median(medians)}
     return row | {"problems": len(judged)} | judging.summary(judged)
