@@ -31,6 +31,7 @@ from scipy.linalg import solve_discrete_are
 
 from namlcp.cvxpy import NAM, register
 from validation.harness import Job, Row, timing
+from validation.harness.judging import largest
 from validation.harness.suite import Args, Suite
 from validation.problems import models
 
@@ -55,12 +56,6 @@ def stuffed_qp(data: dict[str, Any]) -> tuple[Any, ...]:
     return P, data["c"], A[:rows], b[:rows], A[rows:], b[rows:]
 
 
-def largest(*arrays: Any) -> float:
-    """Return the largest modulus of a finite entry, 0 of nothing."""
-    entries = np.concatenate([np.abs(np.atleast_1d(a)) for a in arrays])
-    return float(entries[~np.isinf(entries)].max(initial=0.0))
-
-
 def residuals(qp: tuple[Any, ...], x: Any, y: Any, z: Any) -> dict[str, float]:
     P, q, A, b, F, g = qp
     Px, Ax, Fx, Ay, Fz = P @ x, A @ x, F @ x, A.T @ y, F.T @ z
@@ -70,7 +65,7 @@ def residuals(qp: tuple[Any, ...], x: Any, y: Any, z: Any) -> dict[str, float]:
     dual = largest(Px + q + Ay + Fz, np.minimum(z, 0.0), z[~finite])
     primal = largest(Ax - b, np.minimum(slack, 0.0))
     return {
-        "primal_residual": primal / max(1.0, largest(Ax, b, Fx, g)),
+        "primal_residual": primal / max(1.0, largest(Ax, b, Fx, g[finite])),
         "dual_residual": dual / max(1.0, largest(Px, q, Ay, Fz)),
         "complementarity": largest(slack * zf, sum(terms)) / max(1.0, largest(*terms)),
     }
