@@ -171,11 +171,9 @@ def collected_row(data: Path, name: str) -> Row:
 
 def printed_row(name: str) -> Row:
     example, method, alpha, m = name.split()
-    given: Row = {} if alpha == "None" else {"alpha": float(alpha)}
-    if method.startswith("nam"):
-        given["shift"] = 1.0
-    scene = sweep_scenes.paper_example(int(example), int(m))
-    return row_of_lcp(tables.solve(scene, int(m), method, 100, **given), tables.EPS)
+    known = None if alpha == "None" else float(alpha)
+    run = tables.printed_run((int(example), method, known), int(m))
+    return row_of_lcp(run(), tables.EPS)
 
 
 def sweep_row(name: str) -> Row:

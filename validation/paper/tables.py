@@ -13,7 +13,7 @@ D/(2 alpha^2) all printed counts come out.
 
 import itertools
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any
 
@@ -60,15 +60,20 @@ def solve(scene: BoxLCP, m: int, method: str, max_iter: int, **given: Any) -> LC
     return solve_lcp(scene.A, scene.q, method=method, **given)
 
 
+def printed_run(key: Key, m: int) -> Callable[[], LCPResult]:
+    example, method, alpha = key
+    given: Row = {} if alpha is None else {"alpha": alpha}
+    if method.startswith("nam"):
+        given["shift"] = 1.0
+    scene = sweep_scenes.paper_example(example, m)
+    return partial(solve, scene, m, method, 100, **given)
+
+
 def table_rows() -> Iterator[Row]:
-    for (example, method, alpha), printed in TABLES.items():
-        given: Row = {} if alpha is None else {"alpha": alpha}
-        if method.startswith("nam"):
-            given["shift"] = 1.0
+    for key, printed in TABLES.items():
+        example, method, alpha = key
         for m, count, digits, cpu in zip(SIZES, *printed, strict=True):
-            scene = sweep_scenes.paper_example(example, m)
-            ask = partial(solve, scene, m, method, 100, **given)
-            result, _, seconds = timing.median_time(ask)
+            result, _, seconds = timing.median_time(printed_run(key, m))
             close = f"{result.residual:.1e}" == f"{digits / 1e7:.1e}"
             row: Row = {"example": example, "method": method, "alpha": alpha or 1.0}
             row |= {"n": m * m, "iterations": result.iterations}
