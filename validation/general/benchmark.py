@@ -145,7 +145,7 @@ SUITES = {
     "families": Suite(
         name="general-lcps", requests=requests, work=work, complete=complete,
         columns="family n seed solver | order success said residual runtime",
-        solvers=tuple(ASK), packages={"lemke": "namlcp", "quantecon": "quantecon"},
+        solvers=tuple(ASK), packages={"lemke": "namlcp"},
         late=Late(by="n", same=("family",), copied=False, times=LATES, words=LATE),
     ),
     "steps": Suite(

@@ -97,10 +97,6 @@ class Suite:
     success: Callable[[Row], bool] = solved
     plot: Callable[[Path, Path], None] | None = None  # from a CSV file into a folder
 
-    @property
-    def keys(self) -> list[str]:
-        return self.columns.partition("|")[0].split()
-
     def main(self, arguments: list[str] | None = None) -> int:
         args = self.parsed(arguments)
         if args.task == "plot" and self.plot is not None:
@@ -137,9 +133,9 @@ class Suite:
             *([f"not installed: {', '.join(missing)}"] if missing else []),
             f"limit: {args.limit:g} s",
         )
-        columns = self.columns.replace("|", " ").split()
+        keys, others = (part.split() for part in self.columns.split("|"))
         with (
-            tables.growing(args.csv, header, columns, self.keys, args.go_on) as file,
+            tables.growing(args.csv, header, keys + others, keys, args.go_on) as file,
             ExitStack() as stack,
         ):
             try:

@@ -38,11 +38,16 @@ OURS = ("nam", "sweep auto")
 MISS = 10.0  # a residual of so many tolerances
 
 
-def sweep_call(
-    task: families.Task, name: str, eps: float, limit: float
+def solver_call(
+    task: families.Task, solver: str, eps: float, limit: float
 ) -> Callable[[], Any]:
-    """Return the call of a named method on the LCP, its parameters chosen by itself."""
-    P, q = task.problem.P, task.problem.q
+    """Return the call of a solver; of a sweep on the LCP, with its own parameters."""
+    kind, _, name = solver.rpartition(" ")
+    P, q, *_, lower, upper = task.problem.unpack()
+    if kind != "sweep":
+        settings = qp_solvers.settings(solver, eps, limit)
+        problem = qps.filled(task.problem) if solver in DENSE else task.problem
+        return lambda: qp_solvers.solve(problem, solver, **settings)
     A = sp.csr_array(P) if sp.issparse(P) else P
     free = {"omega"} if name == "modified-nam" else {"alpha", "omega"}
     takes = SWEEPS[name].takes if name in SWEEPS else ()
@@ -50,19 +55,7 @@ def sweep_call(
     if task.s0 is not None and name in SWEEPS:
         given["s0"] = task.s0
     given |= {"eps_abs": eps, "time_limit": limit}
-    lower, upper = task.problem.lb, task.problem.ub
     return lambda: solve_lcp(A, q, lower, upper, method=name, **given)
-
-
-def solver_call(
-    task: families.Task, solver: str, eps: float, limit: float
-) -> Callable[[], Any]:
-    kind, _, name = solver.rpartition(" ")
-    if kind == "sweep":
-        return sweep_call(task, name, eps, limit)
-    settings = qp_solvers.settings(solver, eps, limit)
-    problem = qps.filled(task.problem) if solver in DENSE else task.problem
-    return lambda: qp_solvers.solve(problem, solver, **settings)
 
 
 def judged(task: families.Task, answer: Any, eps: float) -> Row:
@@ -119,7 +112,11 @@ def complete(row: Row) -> Row:
     if point is not None:
         unique = known_families(row["data"])[row["family"]].distance
         exact = solution_of(*about) if unique else None
-        row["error"] = residual if exact is None else distance(point, exact)
+        if exact is None:
+            row["error"] = residual
+        else:
+            size = max(np.abs(exact).max(), 1e-300)
+            row["error"] = float(np.abs(point - exact).max() / size)
     return row
 
 
@@ -207,10 +204,6 @@ def reference(problem: Problem, solution: Solution) -> np.ndarray | None:
     right_signs &= np.all(y[int(p) :] >= -ACCEPTED * size)
     solved = np.abs(right - K @ point).max() <= ACCEPTED * size
     return x.astype(float) if right_signs and solved else None
-
-
-def distance(x: np.ndarray, exact: np.ndarray) -> float:
-    return float(np.abs(x - exact).max() / max(np.abs(exact).max(), 1e-300))
 
 
 # ---- the chart
