@@ -82,7 +82,7 @@ JOBS = (
     suite("hertz", "peers.lcp hertz", 0.6),
     suite("first-call", "peers.first_call", 0.3),
     suite("american-put", "applications.american_put", 0.1),
-    Job("paper-tables", "paper.tables paper-tables --results {results}", 0.5),
+    Job("paper-tables", "paper.sweeps paper-tables --results {results}", 0.5),
     Job("h_plus h_plus-definition convergence-proofs", """
         paper.h_plus --results {results}
         """, 2.0),
@@ -95,11 +95,12 @@ JOBS = (
         """, 22.0, grows=True, timed=False),
     suite("oracles", "oracles.agreement", 6.0, 1.0, timed=False),
     Job("stability stability-units", """
-        paper.stability --results {results} --figures {figures}
+        paper.sweeps stability stability-units plot --results {results} \
+        --figures {figures}
         """, 3.0, timed=False),
     suite("parameters", "paper.parameters", 4.0, timed=False),
     suite("derivatives", "derivatives.differences", 3.0, 1.0, timed=False),
-    Job("paper-large", "paper.tables paper-large --results {results}", 2, timed=False),
+    Job("paper-large", "paper.sweeps paper-large --results {results}", 2, timed=False),
 )  # fmt: skip
 
 

@@ -29,7 +29,7 @@ from qpsolvers import Problem
 import namlcp
 from validation.general.benchmark import make
 from validation.harness import Row
-from validation.paper import tables
+from validation.paper import sweeps
 from validation.peers import benchmark
 from validation.problems import data_sets, infeasible_cases, osqp_classes, sweep_scenes
 from validation.problems.fuzzed import cases
@@ -172,8 +172,8 @@ def collected_row(data: Path, name: str) -> Row:
 def printed_row(name: str) -> Row:
     example, method, alpha, m = name.split()
     known = None if alpha == "None" else float(alpha)
-    run = tables.printed_run((int(example), method, known), int(m))
-    return row_of_lcp(run(), tables.EPS)
+    run = sweeps.printed_run((int(example), method, known), int(m))
+    return row_of_lcp(run(), sweeps.EPS)
 
 
 def sweep_row(name: str) -> Row:
@@ -198,7 +198,7 @@ def generated() -> Iterator[tuple[str, Suite]]:
         for family, n, seed in product(families, sizes, range(seeds))
     ]
     yield "families", Suite(names, family_row)
-    printed = product(tables.TABLES, tables.SIZES)
+    printed = product(sweeps.TABLES, sweeps.SIZES)
     names = [
         f"{example} {method} {alpha} {m}" for (example, method, alpha), m in printed
     ]
