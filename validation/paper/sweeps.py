@@ -177,13 +177,14 @@ ALPHA, ALPHAS = 0.9, {"modified-nam": 5.0}
 DELTAS = (4.0, 2.0, 1.0, 0.5, 0.25, 0.1, 0.03, 0.01, 0.0)
 
 
-def outcome(scene: BoxLCP, method: str, **given: Any) -> int | str:
+def outcome(scene: BoxLCP, chart: Map, **given: Any) -> int | str:
     """Return the number of sweeps, or what happened instead, by the history of Res."""
     A, q, *box = scene
     start = np.clip(0.0, *box)
     first = natural_residual(start, A @ start + q, *box)
     given |= {"eps_abs": FALL * first, "max_iter": CAP, "history": True}
-    result = solve_lcp(*scene, method=method, **given)
+    given |= {"shift": {"I": 1.0, "D": A.diagonal()}.get(chart.shift)}
+    result = solve_lcp(*scene, method=chart.method, beta=chart.beta, **given)
     if result.status is Status.SOLVED:
         return result.iterations
     if result.status is Status.NUMERICAL_ERROR:
@@ -199,11 +200,6 @@ def outcome(scene: BoxLCP, method: str, **given: Any) -> int | str:
     return "cycles"
 
 
-def fixed(scene: BoxLCP, chart: Map) -> Row:
-    D = scene.A.diagonal()
-    return {"shift": {"I": 1.0, "D": D}.get(chart.shift), "beta": chart.beta}
-
-
 def about(name: str, chart: Map) -> Row:
     return {"class": name, "method": chart.method, "shift": chart.shift or ""}
 
@@ -216,9 +212,8 @@ def class_rows() -> Iterator[Row]:
             for c in 2.0 ** powers[::-1]:
                 row = about(name, chart) | {"c": c}
                 for alpha in alphas:
-                    given = fixed(scene, chart) | {"alpha": alpha}
-                    given["omega"] = c * scene.A.diagonal()
-                    row[f"{alpha:.2f}"] = outcome(scene, chart.method, **given)
+                    given = {"alpha": alpha, "omega": c * scene.A.diagonal()}
+                    row[f"{alpha:.2f}"] = outcome(scene, chart, **given)
                 yield row
         print(name, flush=True)
 
@@ -228,13 +223,12 @@ def unit_rows() -> Iterator[Row]:
     for chart, delta in itertools.product(UNITS, DELTAS):
         base = sweep_scenes.paper_example(1, 20, delta)
         row = about("Example 1", chart) | {"delta": delta}
+        alpha = {"alpha": ALPHAS.get(chart.method, ALPHA)}
+        given = alpha if "alpha" in SWEEPS[chart.method].takes else {}
         for exponent in np.arange(-6, 7):
             unit = 10.0 ** float(exponent)
             scene = base._replace(A=unit * base.A, q=unit * base.q)
-            given = fixed(scene, chart)
-            if "alpha" in SWEEPS[chart.method].takes:
-                given["alpha"] = ALPHAS.get(chart.method, ALPHA)
-            row[f"{exponent:d}"] = outcome(scene, chart.method, **given)
+            row[f"{exponent:d}"] = outcome(scene, chart, **given)
         yield row
 
 
@@ -262,7 +256,9 @@ def title_of(row: Row) -> str:
     return row["method"].replace("modified-", "modified ").upper() + zero + shift
 
 
-def show(axes: Axes, rows: list[Row], down: str) -> None:
+def show(axes: Axes, rows: list[Row], down: str, **wanted: str) -> str:
+    """Draw the chosen rows, which axes keep in view; return what they are."""
+    rows = tables.chosen(rows, **wanted)
     names = [name for name in rows[0] if name.strip("-").replace(".", "").isdigit()]
     cells = np.array([[colour(row[name]) for name in names] for row in rows])
     axes.imshow(cells, aspect="auto", interpolation="nearest")
@@ -271,6 +267,8 @@ def show(axes: Axes, rows: list[Row], down: str) -> None:
     axes.set_xticks(range(0, len(names), 6), names[::6])
     labels = [f"{float(row[down]):.2g}" for row in rows]
     axes.set_yticks(range(0, len(rows), 4), labels[::4])
+    axes.autoscale(False)
+    return title_of(rows[0])
 
 
 def finish(figure: Figure, axes: Any, file: Path, across: str, down: str) -> None:
@@ -298,13 +296,11 @@ def plot(results: Path, figures: Path) -> None:
         k = CURVES[method]
         for axes, name in zip(line, classes, strict=True):
             wanted = {"class": name, "method": method, "shift": shift}
-            own = tables.chosen(rows, **wanted)
-            show(axes, own, "c")
+            title = show(axes, rows, "c", **wanted)
             # in places of the cells: alpha = 0.1, 0.2, ...; c = 16, 16/sqrt(2), ...
             power = 1.0 - k - k * np.log2(alpha)
             axes.plot(10.0 * alpha - 1.0, 8.0 - 2.0 * power, "w", linewidth=0.9)
-            axes.set_ylim(len(own) - 0.5, -0.5)
-        line[0].set_ylabel(title_of(own[0]), fontsize=8)
+        line[0].set_ylabel(title, fontsize=8)
     for axes, name in zip(grid[0], classes, strict=True):
         axes.set_title(textwrap.fill(name, 14, break_on_hyphens=False), fontsize=8.5)
     figure.suptitle(
@@ -323,9 +319,8 @@ def plot_units(rows: list[Row], figures: Path) -> None:
     )
     methods = tables.distinct(rows, "method", "shift")
     for axes, (method, shift) in zip(grid.flat, methods, strict=False):
-        own = tables.chosen(rows, method=method, shift=shift)
-        show(axes, own, "delta")
-        axes.set_title(title_of(own[0]).replace(", $\\beta$ = 0", ""), fontsize=8.5)
+        title = show(axes, rows, "delta", method=method, shift=shift)
+        axes.set_title(title.replace(", $\\beta$ = 0", ""), fontsize=8.5)
     for axes in grid.flat[len(methods) :]:
         axes.axis("off")
     file = figures / "stability-units.png"
