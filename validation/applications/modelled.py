@@ -22,6 +22,7 @@ multipliers that the solver's interface hands back:
 
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from typing import Any
 
 import cvxpy as cp
@@ -96,10 +97,8 @@ def work(job: Job, size: str, name: str) -> Row:
     model = models.MODELS[name]
     keyword, options = SOLVERS[job.solver]
     if size == "large":  # load what is compiled on first use
-        try:
+        with suppress(Exception):
             model.make(*model.small).solve(solver=keyword, **options)
-        except Exception as error:
-            print(error)
     problem = model.make(*getattr(model, size))
     data, chain, inverse = problem.get_problem_data(keyword, solver_opts=dict(options))
 

@@ -26,6 +26,7 @@ infeasible
 
 import time
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from itertools import product
@@ -78,10 +79,8 @@ def measure(job: Job, problem_set: str, name: str, eps: float) -> Row:
     problem = load(job.data, problem_set, name)
     settings = qp_solvers.settings(job.solver, eps, job.limit)
     for tiny in qps.tiny_problems(problem):
-        try:
+        with suppress(Exception):  # what the solver refuses cannot warm it up
             qp_solvers.solve(tiny, job.solver, **settings)
-        except Exception:  # what the solver refuses cannot warm it up
-            continue
     call = lambda: qp_solvers.solve(problem, job.solver, **settings)  # noqa: E731
     row = judging.timed(job, call, partial(judging.judge, problem, eps=eps))
     if problem_set in osqp_classes.CLASSES:

@@ -13,6 +13,7 @@ problems of the data folder are left out.
 
 import math
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from functools import cache, lru_cache, partial
 from pathlib import Path
 from typing import Any
@@ -87,10 +88,8 @@ def measure(job: Job, family: str, name: str, eps: float) -> Row:
     # tiny ones of its kind load what is needed; ours chooses a method by the size, too
     tiny = [families.Task(problem) for problem in qps.tiny_problems(task.problem)]
     for other in [*tiny, task] if job.solver in OURS else tiny:
-        try:
+        with suppress(Exception):  # what the solver refuses cannot warm it up
             solver_call(other, job.solver, eps, job.limit)()
-        except Exception:  # what the solver refuses cannot warm it up
-            continue
     call = solver_call(task, job.solver, eps, job.limit)
     return {"n": n} | judging.timed(job, call, partial(judged, task, eps=eps))
 
