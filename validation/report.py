@@ -83,9 +83,8 @@ JOBS = (
     suite("first-call", "peers.first_call", 0.3),
     suite("american-put", "applications.american_put", 0.1),
     Job("paper-tables", "paper.sweeps paper-tables --results {results}", 0.5),
-    Job("h_plus h_plus-definition convergence-proofs", """
-        paper.h_plus --results {results}
-        """, 2.0),
+    Job("h_plus h_plus-definition convergence-proofs",
+        "paper.h_plus --results {results}", 2.0),
     Job("campaign", """
         stress.campaign --csv {csv} --seeds 1 2 3
         stress.campaign --csv {csv} --seeds 1 --problems 10000 \
@@ -94,10 +93,8 @@ JOBS = (
         --solvers osqp piqp clarabel daqp quadprog
         """, 22.0, grows=True, timed=False),
     suite("oracles", "oracles.agreement", 6.0, 1.0, timed=False),
-    Job("stability stability-units", """
-        paper.sweeps stability stability-units plot --results {results} \
-        --figures {figures}
-        """, 3.0, timed=False),
+    Job("stability stability-units", "paper.sweeps stability stability-units plot "
+        "--results {results} --figures {figures}", 3.0, timed=False),
     suite("parameters", "paper.parameters", 4.0, timed=False),
     suite("derivatives", "derivatives.differences", 3.0, 1.0, timed=False),
     Job("paper-large", "paper.sweeps paper-large --results {results}", 2, timed=False),
