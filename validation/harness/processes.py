@@ -71,8 +71,7 @@ class Bench:
         context = mp.get_context("spawn")
         self.pipe, child_end = context.Pipe()
         arguments = (child_end, self.work, self.solver, self.data)
-        process = context.Process(target=serve, args=arguments, daemon=True)
-        self.process: Any = process
+        self.process: Any = context.Process(target=serve, args=arguments, daemon=True)
         self.process.start()
         child_end.close()
 

@@ -117,7 +117,7 @@ class Stacked(Workspace):
             self.order = ("h",)
         rows = {"h": G, "b": A, "box": sp.eye(q.size)}
         C = sp.vstack([sp.csc_matrix(rows[part]) for part in self.order], format="csc")
-        self.setup(P, A, C, eps)
+        self.setup(P, A, C, self.prepared(self.now), eps)
 
     def sides(self, part: str) -> tuple[np.ndarray, np.ndarray]:
         now = self.now
@@ -129,7 +129,11 @@ class Stacked(Workspace):
         self.now = self.now | vectors
         q, l, u = self.names
         arguments = {q: vectors["q"]} if "q" in vectors else {}
-        if vectors.keys() - ({"q"} if "b" in self.order else {"q", "b"}):
+        changed = vectors.keys() - {"q"}
+        if "b" in changed and "b" not in self.order:
+            changed -= {"b"}
+            arguments |= {"b": vectors["b"]} if vectors["b"].size else {}
+        if changed:
             lower, upper = zip(*map(self.sides, self.order), strict=True)
             arguments[l] = np.maximum(np.concatenate(lower), -self.infinity)
             arguments[u] = np.minimum(np.concatenate(upper), self.infinity)
@@ -149,16 +153,15 @@ class Daqp(Stacked):
     names = "f", "blower", "bupper"
     infinity = INFINITY
 
-    def setup(self, P: Any, A: Any, C: sp.csc_matrix, eps: float) -> None:
+    def setup(self, P: Any, A: Any, C: Any, now: Vectors, eps: float) -> None:
         import daqp
 
         rows = C.toarray()[P.shape[0] :]  # the bounds are not among them
         sense = np.zeros(C.shape[0], dtype=np.int32)
         sense[C.shape[0] - A.shape[0] :] = 5  # equations
         self.solver = daqp.Model()
-        now = self.prepared(self.now)
-        P = qps.dense(P)
-        self.solver.setup(P, now["f"], rows, now["bupper"], now["blower"], sense)
+        sides = now["bupper"], now["blower"]
+        self.solver.setup(qps.dense(P), now["f"], rows, *sides, sense)
         self.solver.settings = told("daqp", eps)
         self.answer = self.solver.solve()
 
@@ -174,7 +177,7 @@ class Proxqp(Stacked):
     names = "g", "l", "u"
     infinity = 1e20
 
-    def setup(self, P: Any, A: Any, C: sp.csc_matrix, eps: float) -> None:
+    def setup(self, P: Any, A: Any, C: Any, now: Vectors, eps: float) -> None:
         from proxsuite import proxqp
 
         room = proxqp.sparse if sp.issparse(P) else proxqp.dense
@@ -185,16 +188,9 @@ class Proxqp(Stacked):
         start = proxqp.InitialGuess.WARM_START_WITH_PREVIOUS_RESULT
         self.solver.settings.initial_guess = start
         self.solved = proxqp.QPSolverOutput.PROXQP_SOLVED
-        now = self.prepared(self.now)
-        equations = (form(A), self.now["b"]) if A.shape[0] else (None, None)
+        equations = (form(A), now["b"]) if A.shape[0] else (None, None)
         self.solver.init(form(P), now["g"], *equations, form(C), now["l"], now["u"])
         self.solver.solve()
-
-    def prepared(self, vectors: Vectors) -> Vectors:
-        arguments = super().prepared(vectors)
-        if "b" in vectors and vectors["b"].size:
-            arguments["b"] = vectors["b"]
-        return arguments
 
     def solution(self, problem: Problem) -> Solution:
         r = self.solver.results
@@ -204,13 +200,13 @@ class Proxqp(Stacked):
 class Osqp(Stacked):
     """OSQP."""
 
-    def setup(self, P: Any, A: Any, C: sp.csc_matrix, eps: float) -> None:
+    def setup(self, P: Any, A: Any, C: Any, now: Vectors, eps: float) -> None:
         import osqp
 
         self.solver = osqp.OSQP()
         options = told("osqp", eps) | {"max_iter": 100_000, "verbose": False}
         P = sp.triu(P, format="csc")
-        self.solver.setup(P=P, A=C, **self.prepared(self.now), **options)
+        self.solver.setup(P=P, A=C, **now, **options)
         self.answer = self.solver.solve(raise_error=False)
 
     def step(self, arguments: Vectors) -> None:
