@@ -70,11 +70,9 @@ def cpu_name() -> str:
     return names[0] if names else platform.processor()
 
 
-def installed(
-    solvers: Iterable[str], packages: dict[str, str] | None = None
-) -> list[str]:
+def installed(solvers: Iterable[str], packages: dict[str, str] = PACKAGES) -> list[str]:
     """Return the solvers, known by their first words, whose packages are here."""
-    packages, found = PACKAGES | (packages or {}), []
+    packages, found = PACKAGES | packages, []
     for solver in solvers:
         name = solver.split()[0]
         if importlib.util.find_spec(packages.get(name, name)) is None:

@@ -24,12 +24,9 @@ def told(solver: str, eps: float) -> dict[str, Any]:
     return settings
 
 
-def answered(
-    problem: Problem, found: bool, x: Any, multipliers: tuple[Any, Any, Any]
-) -> Solution:
-    y, z, z_box = (np.asarray(part) for part in multipliers)
+def answered(problem: Problem, found: bool, x: Any, multipliers: Any) -> Solution:
+    x, y, z, z_box = (np.array(part) for part in (x, *multipliers))
     z_box = z_box if problem.lb is not None or problem.ub is not None else np.empty(0)
-    x, y, z, z_box = (np.array(part) for part in (x, y, z, z_box))
     return Solution(problem, found=found, x=x, y=y, z=z, z_box=z_box)
 
 
