@@ -32,8 +32,6 @@ EPS_REL = 1e-6  # of Res(0)
 WANTED = 1.3  # sweeps over those of the best point, at most
 BETA = 1.0  # of maor and namaor
 DELTAS = (4.0, 1.0, 0.0)
-
-
 M = 40  # nodes on a side of the scenes
 ALPHAS = (*(0.1 * k for k in range(2, 20)), 1.95)
 CS = (0.001, 0.003, *np.geomspace(0.01, 10.0, 25))

@@ -22,7 +22,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from validation.harness import Bench, Job, Row, cli, csv_files, machine, tables
+from validation.harness import Bench, Job, Row, cli, machine, tables
 from validation.problems import infeasible_cases
 from validation.problems.fuzzed import cases
 from validation.stress import campaign_answers as answers
@@ -79,12 +79,12 @@ class Tally:
 
     def write(self) -> None:
         new = self.path.with_suffix(".part")
-        csv_files.write(new, self.header, [self.rows[key] for key in sorted(self.rows)])
+        tables.write(new, self.header, [self.rows[key] for key in sorted(self.rows)])
         os.replace(new, self.path)
 
 
 def read(path: Path) -> Iterator[Row]:
-    for row in csv_files.read(path):
+    for row in tables.read(path):
         numbers = {name: int(row[name]) for name in ("seed", "count")}
         times = {name: float(row[name] or 0.0) for name in ("seconds", "slowest")}
         yield row | numbers | times
