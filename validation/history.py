@@ -6,7 +6,6 @@ Printed beside each is its ratio to the last one taken on the same processor whi
 was quiet. Times are of the wall clock.
 """
 
-import sys
 import time
 from collections.abc import Iterator
 from typing import Any
@@ -87,7 +86,3 @@ def main(arguments: list[str] | None = None) -> int:
             ratio = value / float(before[name]) if name in before else float("nan")
             print(f"{name:<34} {value:>8.4g} {ratio:8.2f}", flush=True)
     return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

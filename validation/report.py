@@ -17,7 +17,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
 
-from validation.claims import DOCUMENTS, claims, moved, values, written
+from validation.claims import documents
 from validation.harness import cli, machine
 
 LOWER_ROOMS = ("harness", "problems", "applications", "derivatives")
@@ -180,17 +180,9 @@ def main(arguments: list[str] | None = None) -> int:
         (out / folder).mkdir(parents=True, exist_ok=True)
     if args.full:
         os.environ[machine.QUIET] = "1"
-    before = claims(values(out / "results"))
     sizes = [args.quick, args.again]
     faults = list(run_all(jobs, args.data.resolve(), out, sizes))
-    print(moved(before, claims(values(out / "results"))))
     if args.full and out == cli.ROOT / "validation":
-        known = values()
-        for document in DOCUMENTS:
-            document.write_text(written(document.read_text(), known))
+        documents.main([])
     print("\n".join(faults))
     return int(any("missing" not in fault for fault in faults))
-
-
-if __name__ == "__main__":
-    sys.exit(main())

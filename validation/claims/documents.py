@@ -1,5 +1,8 @@
 """The figures and tables of README.md, docs and validation/README.md.
 
+They are written anew, and claims that do not hold are printed; --check writes nothing
+and returns 1 if a document says what the results do not.
+
 A figure that claims something is followed by the name of a claim as a comment,
 ``0.78<!-- Maros-Meszaros over piqp -->``; it has to be the value, rounded to the digits
 that the text gives. A table stands between ``<!-- table: NAME -->`` and ``<!-- end
@@ -122,3 +125,21 @@ def faults(text: str, known: Figures) -> list[str]:
     )
     found += [f"too wide: {wide.strip()[:60]}" for wide in cells if len(wide) > WIDEST]
     return found
+
+
+def main(arguments: list[str] | None = None) -> int:
+    parser = cli.parser(__doc__)
+    parser.add_argument("--check", action="store_true", help="write nothing")
+    args = parser.parse_args(arguments)
+    known, found = figures.values(), []
+    for document in DOCUMENTS:
+        text = document.read_text()
+        name = document.relative_to(cli.ROOT)
+        found += [f"{name}: {fault}" for fault in faults(text, known)]
+        if not args.check:
+            document.write_text(written(text, known))
+    for claim in claims(known):
+        if not claim.holds:
+            print(f"does not hold: {claim.name} {claim.limit}, is {claim.value:.4g}")
+    print("\n".join(found))
+    return int(args.check and bool(found))

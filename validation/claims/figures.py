@@ -180,13 +180,3 @@ def claims(known: Figures, part: str = "") -> list[Claim]:
         for name, (_, spec) in asked.items()
         if "limit" in spec
     ]
-
-
-def moved(before: list[Claim], now: list[Claim]) -> str:
-    lines = []
-    for old, new in zip(before, now, strict=True):
-        word = "holds" if new.holds else "FELL" if old.holds else "falls short"
-        lines.append(
-            (new.name, new.limit, f"{old.value:.3g}", f"{new.value:.3g}", word)
-        )
-    return tables.markdown(("claim", "limit", "before", "now", ""), lines)
