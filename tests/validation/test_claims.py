@@ -4,9 +4,8 @@ import math
 
 import pytest
 
-from validation.claims import DOCUMENTS, specs, values
-from validation.claims.documents import MARK, renewed
-from validation.claims.figures import figure, typed
+from validation.claims.documents import DOCUMENTS, MARK, renewed
+from validation.claims.figures import figure, specs, typed, values
 
 ROWS = [
     {"problem": p, "solver": s, "time": t, "n": n}

@@ -22,19 +22,12 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
+from numba import njit  # compiles the peer, a loop from node to node
 from scipy.interpolate import CubicSpline
 
 from namlcp import Prepared, Status, solve_lcp
 from validation.harness import Job, Row
 from validation.harness.suite import Suite
-
-try:  # the peer, a loop from node to node, is compiled for a fair comparison
-    from numba import njit
-except ImportError:
-
-    def njit(**_):
-        return lambda function: function
-
 
 WIDTH = 1.5
 EULER_STEPS = 4

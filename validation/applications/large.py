@@ -28,7 +28,8 @@ from scipy.sparse.linalg import LinearOperator
 from namlcp import LCPResult, natural_residual, solve_lcp
 from validation.harness import Job, Row, charts, judging, qp_solvers, tables, timing
 from validation.harness.suite import Args, Late, Suite
-from validation.problems import contact_scenes, hertz, known_scenes, sweep_scenes
+from validation.problems import contact_scenes, hertz, known_scenes
+from validation.problems.sweep_scenes import paper_example, with_contact
 
 SIZES = (10_000, 100_000, 1_000_000)
 FORCED_SIZES = (10_000, 40_000, 90_000, 100_000, 1_000_000, 4_000_000)
@@ -43,12 +44,6 @@ PEER_LIMIT = 60.0  # [s] for the others
 ONCE = 20.0  # [s] from which a call is not repeated
 FAILED = frozenset({"timeout", "too slow", "crashed", "not found", "inaccurate"})
 CYCLES = 200  # of the baseline at most
-
-
-def strongly_dominant(n: int) -> known_scenes.BoxLCP:
-    """Return Example 2 at delta = 4 with half of the unknowns in contact."""
-    scene = sweep_scenes.paper_example(2, known_scenes.side(n))
-    return sweep_scenes.with_contact(scene.A)
 
 
 def hertz_contact(n: int) -> known_scenes.BoxLCP:
@@ -86,12 +81,15 @@ SCENES = {
     "transport": Entry(
         FAMILIES["transport"], "Example 2, $\\delta$ = 0", accel="bicgstab"
     ),
-    "dominant": Entry(strongly_dominant, "Example 2, $\\delta$ = 4", accel="bicgstab"),
+    "dominant": Entry(  # with half of the unknowns in contact
+        lambda n: with_contact(paper_example(2, known_scenes.side(n)).A),
+        "Example 2, $\\delta$ = 4", accel="bicgstab",
+    ),
     "heap": Entry(contact_scenes.heap, PILES, PILE_SIZES, None, True),
     "heap, wide": Entry(wide_heap, PILES, PILE_SIZES, None, True),
     "wall": Entry(contact_scenes.brick_wall, PILES, PILE_SIZES, None, True),
     "hertz": Entry(hertz_contact, "Hertz, matrix-free", HERTZ_SIZES, None),
-}
+}  # fmt: skip
 
 
 def work(job: Job, name: str, n: int) -> Row:

@@ -48,16 +48,15 @@ class Family(NamedTuple):
 QUICK = 2  # problems of a family in the quick version, its first ones
 
 
-def boxed(scene: known.BoxLCP, exact: np.ndarray | None = None) -> Task:
+def boxed(scene: known.BoxLCP, *solution: np.ndarray) -> Task:
     A, q, lower, upper = scene
     P = A if isinstance(A, np.ndarray) else sp.csc_matrix(A)
-    return Task(Problem(P, q, lb=lower, ub=upper), exact)
+    return Task(Problem(P, q, lb=lower, ub=upper), *solution)
 
 
 def paper_task(number: int, delta: float, m: int) -> Task:
     """Return an example of the paper, z* = (1, 2, 1, 2, ...), from its start."""
-    task = boxed(paper_example(number, m, delta), paper_solution(m))
-    return task._replace(s0=paper_start(m))
+    return boxed(paper_example(number, m, delta), paper_solution(m), paper_start(m))
 
 
 def quadcopter(stages: int) -> Task:
