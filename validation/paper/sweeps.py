@@ -51,9 +51,7 @@ from validation.problems import sweep_scenes
 from validation.problems.known_scenes import BoxLCP
 
 EPS = 1e-5  # Res at which a run ends
-
 SIZES = (10, 30, 50, 60, 80, 100)
-
 PRINTED = """
 1 mgs    -    | 36 40 41 41 42 42 | 97 80 79 89 74 84 | .0039 .0293 .2699 .6400 2.0785 4.5712
 1 namgs  -    | 16 17 17 17 18 18 | 63 63 85 95 45 51 | .0024 .0146 .1089 .2688 .8179 2.0175
