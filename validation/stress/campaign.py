@@ -34,8 +34,6 @@ SETS = (*cases.CYCLES, *relations.RELATIONS)
 BATCH = 500  # problems between two writings of the CSV
 LIMIT = 5.0  # [s] a problem; the children have GRACE more
 EPS, LOOSE = 1e-6, 10.0  # of the peers; beyond LOOSE EPS "found" is wrong
-
-
 KEY = "seed set solver class truth outcome".split()
 COLUMNS = [*KEY, *"count seconds slowest cases first".split()]
 LISTED = 40  # indices of a class and outcome in the CSV
