@@ -20,7 +20,7 @@ def said_by(solution: Solution) -> str:
     return str(extras.get("status", getattr(extras.get("info"), "status", "")))
 
 
-def largest(*arrays: np.ndarray) -> float:
+def largest(*arrays: Any) -> float:
     """Return the largest modulus of an entry, 0 of nothing."""
     return max((float(np.abs(a).max()) for a in arrays if a.size), default=0.0)
 

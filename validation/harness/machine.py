@@ -26,9 +26,8 @@ last_look = -LOOK_EVERY  # when this process has seen that it was quiet
 
 def lines(solvers: Iterable[str]) -> list[str]:
     """Return what the figures depend on: machine, threads, versions, date."""
-    packages = ["numpy", "scipy", "qpsolvers"]
-    names = dict.fromkeys(solver.split()[0] for solver in solvers)
-    packages += [PACKAGES.get(name, name) for name in names]
+    names = [solver.split()[0] for solver in solvers]
+    packages = ["numpy", "scipy", "qpsolvers", *(PACKAGES.get(n, n) for n in names)]
     versions = [f"{name} {package_version(name)}" for name in dict.fromkeys(packages)]
     quiet = f"others kept less than {MOST_BUSY} of a core busy"
     return [

@@ -98,13 +98,6 @@ class Suite:
     plot: Callable[[Path, Path], None] | None = None  # from a CSV file into a folder
 
     def main(self, arguments: list[str] | None = None) -> int:
-        args = self.parsed(arguments)
-        if args.task == "plot" and self.plot is not None:
-            self.plot(args.csv, args.figures)
-            return 0
-        return self.run(args)
-
-    def parsed(self, arguments: list[str] | None) -> Args:
         doc = sys.modules[self.requests.__module__].__doc__
         parser = cli.parser(doc, "data", "quick", "go-on", "csv", "figures", limit=None)
         tasks = ["run", *["plot"] * bool(self.plot)]
@@ -121,7 +114,10 @@ class Suite:
                 setattr(args, name, value)
         stem = self.name + "-quick" * args.quick
         args.csv = args.csv or cli.RESULTS / f"{stem}.csv"
-        return args
+        if args.task == "run":
+            return self.run(args)
+        self.plot(args.csv, args.figures)
+        return 0
 
     def run(self, args: Args) -> int:
         """Measure what the file does not have yet; return MISSING if data are."""
@@ -163,11 +159,11 @@ class Parts:
         header = cli.begin(self.packages)
         for part in args.parts:
             print(part, flush=True)
-            if part == "plot" and self.plot:
-                self.plot(args.results, args.figures)
-            else:
+            if part in self.rows:
                 rows = list(self.rows[part]())
                 tables.write(args.results / f"{part}.csv", header, rows)
+            else:
+                self.plot(args.results, args.figures)
         return 0
 
 

@@ -6,6 +6,7 @@ The first lines of a CSV file, beginning with #, say what the figures depend on.
 import contextlib
 import csv
 from collections.abc import Iterable, Iterator, Sequence
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -72,9 +73,7 @@ def number(text: Any) -> float:
 
 def distinct(rows: Iterable[Row], *keys: str) -> list[Any]:
     """Return the different values of a column, or tuples of several, in their order."""
-    if len(keys) == 1:
-        return list(dict.fromkeys(row[keys[0]] for row in rows))
-    return list(dict.fromkeys(tuple(row[key] for key in keys) for row in rows))
+    return list(dict.fromkeys(map(itemgetter(*keys), rows)))
 
 
 def chosen(rows: Iterable[Row], **wanted: Any) -> list[Row]:

@@ -276,8 +276,7 @@ def draw_family(axes: Axes, rows: list[Row], coloured: list[str]) -> None:
         across = [max(row["error"][1], LEAST_ERROR) for row in done]
         low, middle, high = ([row["time"][k] for row in done] for k in range(3))
         if solver not in coloured:
-            if solver.startswith("sweep ") == (rows[0]["family"] == "paper"):
-                axes.plot(across, middle, color=charts.LIGHT, linewidth=1.0)
+            axes.plot(across, middle, color=charts.LIGHT, linewidth=1.0)
             continue
         name = "nam" if solver in OURS else solver.removeprefix("sweep ")
         style = charts.looks(name)
