@@ -12,10 +12,11 @@ from namlcp import Status, solve_lcp, solve_qp
 from namlcp.qp import QP
 from validation.problems.fuzzed import cases as problems
 from validation.problems.fuzzed import forms
-from validation.problems.fuzzed.lcps import LCP
+from validation.problems.known_scenes import BoxLCP
 from validation.stress import campaign, campaign_relations
 from validation.stress import campaign_answers as answers
 from validation.stress.campaign_judge import (
+    NAM,
     Answer,
     farkas_faults,
     judge_lcp,
@@ -49,7 +50,7 @@ def test_malformed_arguments_are_named(seed, is_qp):
     if is_qp:
         arguments = QP(one, one[0], one, one[0], one, one[0], -one[0], one[0])
     else:
-        arguments = LCP(one, one[0], 0.0 * one[0], one[0])
+        arguments = BoxLCP(one, one[0], 0.0 * one[0], one[0])
     spoiled, name = forms.spoil(rng, arguments._asdict())
     with pytest.raises((ValueError, TypeError), match=rf"\b{name}\b"):
         (solve_qp if is_qp else solve_lcp)(**spoiled)
@@ -62,7 +63,7 @@ def test_the_judge_sees_every_fault():
     # min x^2/2 - 3x, x <= 1 (row) and 0 <= x <= 5
     qp = QP(row, -3.0 * one, row, one, no_row, none, 0.0 * one, 5.0 * one)
     x, y, z, z_box = one, none, 2.0 * one, 0.0 * one
-    tolerance = answers.NAM
+    tolerance = NAM
     assert qp_faults(qp, x, y, z, z_box, tolerance) == ""
     shift = 1e-6 * one
     assert "primal" in qp_faults(qp, x + shift, y, z - shift, z_box, tolerance)
@@ -71,7 +72,7 @@ def test_the_judge_sees_every_fault():
     unbounded_above = qp._replace(ub=INF * one)
     assert "sign" in qp_faults(unbounded_above, x, y, z - one, one, tolerance)
     assert qp_faults(qp, np.nan * one, y, z, z_box, tolerance) == "not finite"
-    lcp = LCP(row, -one, 0.0 * one, INF * one)
+    lcp = BoxLCP(row, -one, 0.0 * one, INF * one)
     assert lcp_faults(lcp, one, 1e-9) == ""
     assert "residual" in lcp_faults(lcp, one + 1e-8, 1e-9)
     assert lcp_faults(lcp, -one, 1e-9) == "outside of the box"
@@ -109,7 +110,7 @@ def test_the_judge_believes_no_words(said, known, outcome):
     nan = np.full(1, np.nan)
     qp = QP(*[np.ones((1, 1)) if k in (0, 2, 4) else np.ones(1) for k in range(8)])
     answer = Answer(said, nan, nan, nan, nan, "no", RuntimeError)
-    assert judge_qp(qp, known, answer, answers.NAM, True)[0] == outcome
+    assert judge_qp(qp, known, answer, NAM, True)[0] == outcome
 
 
 @pytest.mark.parametrize("index", [8104, 5860, 10909])

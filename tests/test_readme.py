@@ -12,7 +12,8 @@ from pathlib import Path
 import pytest
 
 from namlcp.cli import main
-from validation.claims import DOCUMENTS, faults, values
+from validation.claims.documents import DOCUMENTS, faults
+from validation.claims.figures import values
 
 ROOT = Path(__file__).parents[1]
 README = ROOT / "README.md"

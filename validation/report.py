@@ -2,7 +2,7 @@
 
 JOBS names the CSV files and the commands that make them. A file is up to date while its
 stamp, a hash of the sources that its commands depend on, is that of now. --full waits
-until the machine is quiet (`harness.quiet`). What a command printed is in OUT/logs.
+until the machine is quiet (`harness.machine`). What a command printed is in OUT/logs.
 `--full --out validation` renews the repository's own files, and its README files. Jobs
 whose data are missing are named and left out.
 """
@@ -17,8 +17,8 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
 
-from validation.claims import DOCUMENTS, claims, moved, values, written
-from validation.harness import cli, quiet
+from validation.claims import documents
+from validation.harness import cli, machine
 
 LOWER_ROOMS = ("harness", "problems", "applications", "derivatives")
 
@@ -52,11 +52,9 @@ def suite(
     plot: bool = False, timed: bool = True,
 ) -> Job:  # fmt: skip
     """Return the job of a suite: one file, and a chart of it with `plot`."""
-    name, *options = script.split(" --")
-    commands = f"{name} run {{quick}} --csv {{csv}} --go-on --data {{data}}"
-    commands += "".join(f" --{option}" for option in options)
+    commands = f"{script} {{quick}} --csv {{csv}} --go-on --data {{data}}"
     if plot:
-        commands += f"\n{name} plot --csv {{csv}} --figures {{figures}}"
+        commands += f"\n{script} plot --csv {{csv}} --figures {{figures}}"
     return Job(file, commands, minutes, quick, True, timed)
 
 
@@ -66,28 +64,27 @@ JOBS = (
     suite("work-precision-problems", "peers.work_precision", 15.0, 3.0, plot=True),
     suite("large", "applications.large", 13.0, plot=True),
     suite("general-lcps", "general.benchmark families", 7.0, 1.5),
-    suite("sequences", "repeated.sequences", 8.0, 0.5),
+    suite("sequences", "repeated.benchmark sequences", 8.0, 0.5),
     suite("classes", "peers.benchmark classes", 3.0),
     suite("cvxpy-models", "applications.modelled models", 4.5),
     suite("infeasible", "peers.benchmark infeasible", 4.0),
     suite("generalisation", "peers.benchmark changes --solvers nam", 4.0),
-    suite("latency", "repeated.dense latency", 2.0, 0.3, plot=True),
+    suite("latency", "repeated.benchmark latency", 2.0, 0.3, plot=True),
     suite("cvxpy-resolve", "applications.modelled steps", 1.0),
     suite("derivatives-peers", "derivatives.packages", 1.5, 1.0),
     suite("closest", "derivatives.closest", 6.0, 1.0),
     suite("generalisation-families",
           "peers.benchmark families --solvers nam piqp", 2.0),
-    suite("batches", "repeated.dense batches", 0.3, 0.2),
+    suite("batches", "repeated.benchmark batches", 0.3, 0.2),
     suite("time-stepping", "general.benchmark steps", 0.5, 0.5),
     suite("contact", "peers.lcp contact", 0.1),
     suite("example1", "peers.lcp example1", 0.5),
     suite("hertz", "peers.lcp hertz", 0.6),
     suite("first-call", "peers.first_call", 0.3),
     suite("american-put", "applications.american_put", 0.1),
-    Job("paper-tables", "paper.tables paper-tables --results {results}", 0.5),
-    Job("h_plus h_plus-definition convergence-proofs", """
-        paper.h_plus --results {results}
-        """, 2.0),
+    Job("paper-tables", "paper.sweeps paper-tables --results {results}", 0.5),
+    Job("h_plus h_plus-definition convergence-proofs",
+        "paper.h_plus --results {results}", 2.0),
     Job("campaign", """
         stress.campaign --csv {csv} --seeds 1 2 3
         stress.campaign --csv {csv} --seeds 1 --problems 10000 \
@@ -96,12 +93,11 @@ JOBS = (
         --solvers osqp piqp clarabel daqp quadprog
         """, 22.0, grows=True, timed=False),
     suite("oracles", "oracles.agreement", 6.0, 1.0, timed=False),
-    Job("stability stability-units", """
-        paper.stability --results {results} --figures {figures}
-        """, 3.0, timed=False),
+    Job("stability stability-units", "paper.sweeps stability stability-units plot "
+        "--results {results} --figures {figures}", 3.0, timed=False),
     suite("parameters", "paper.parameters", 4.0, timed=False),
     suite("derivatives", "derivatives.differences", 3.0, 1.0, timed=False),
-    Job("paper-large", "paper.tables paper-large --results {results}", 2, timed=False),
+    Job("paper-large", "paper.sweeps paper-large --results {results}", 2, timed=False),
 )  # fmt: skip
 
 
@@ -131,10 +127,11 @@ def run(job: Job, data: Path, out: Path, quick: bool, again: bool) -> str:
             script, *words = line.split()
             given = dict(os.environ)
             if job.timed:
-                quiet.wait_until_quiet()
+                machine.wait_until_quiet()
             else:
-                given.pop(quiet.LOAD, None)
-            command = cli.script(script, *(word.format(**paths) for word in words))
+                given.pop(machine.QUIET, None)
+            command = [sys.executable, "-u", "-m", "validation", script]
+            command += [word.format(**paths) for word in words]
             streams = {"stdout": log, "stderr": subprocess.STDOUT}
             done = subprocess.run(command, cwd=cli.ROOT, env=given, **streams)
             code = done.returncode
@@ -171,7 +168,6 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--only", nargs="+", choices=[job.name for job in JOBS])
     parser.add_argument("--again", action="store_true", help="nothing is up to date")
     parser.add_argument("--list", action="store_true", help="the jobs and minutes")
-    parser.add_argument("--busy", action="store_true", help="beside one other process")
     args = parser.parse_args(arguments)
     out = args.out.resolve()
     jobs = [job for job in JOBS if not args.only or job.name in args.only]
@@ -183,18 +179,10 @@ def main(arguments: list[str] | None = None) -> int:
     for folder in ("results", "figures", "logs", "stamps"):
         (out / folder).mkdir(parents=True, exist_ok=True)
     if args.full:
-        os.environ[quiet.LOAD] = quiet.BESIDE if args.busy else quiet.QUIET
-    before = claims(values(out / "results"))
+        os.environ[machine.QUIET] = "1"
     sizes = [args.quick, args.again]
     faults = list(run_all(jobs, args.data.resolve(), out, sizes))
-    print(moved(before, claims(values(out / "results"))))
     if args.full and out == cli.ROOT / "validation":
-        known = values()
-        for document in DOCUMENTS:
-            document.write_text(written(document.read_text(), known))
+        documents.main([])
     print("\n".join(faults))
     return int(any("missing" not in fault for fault in faults))
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -8,7 +8,7 @@ from scipy import sparse
 from namlcp import Prepared, Status, solve_lcp
 from namlcp.lcp.multigrid.vcycle import VCycle
 from validation.problems import known_scenes
-from validation.problems.classics import forced_obstacle
+from validation.problems.known_scenes import forced_obstacle
 
 INF = np.inf
 EPS = 1e-9

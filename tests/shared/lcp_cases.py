@@ -21,7 +21,7 @@ import problems_lcp as problems
 from problems_lcp import INF
 from scipy import sparse
 
-from validation.problems.classics import disc_pile
+from validation.problems.contact_scenes import disc_pile
 from validation.problems.draw import definite as spd
 from validation.problems.fuzzed import cases as campaign
 from validation.problems.general.families import FAMILIES

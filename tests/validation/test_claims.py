@@ -4,9 +4,8 @@ import math
 
 import pytest
 
-from validation.claims import DOCUMENTS, Claim, moved, specs, values
-from validation.claims.documents import MARK, renewed
-from validation.claims.figures import figure, typed
+from validation.claims.documents import DOCUMENTS, MARK, renewed
+from validation.claims.figures import figure, specs, typed, values
 
 ROWS = [
     {"problem": p, "solver": s, "time": t, "n": n}
@@ -62,11 +61,3 @@ def test_figures_keep_their_digits():
     text = "0.80<!-- a --> s, 3e-9<!-- b -->, 7<!-- c -->"
     new = renewed(text, {"a": 0.777, "b": 2.51e-10})
     assert new == "0.78<!-- a --> s, 3e-10<!-- b -->, 7<!-- c -->"
-
-
-def test_claims_that_fell_are_marked():
-    before = [Claim("time", 0.9, "<= 1"), Claim("solved", 7, ">= 8")]
-    now = [before[0]._replace(value=1.1), before[1]._replace(value=math.nan)]
-    text = moved(before, now)
-    assert "| time | <= 1 | 0.9 | 1.1 | FELL |" in text
-    assert "| solved | >= 8 | 7 | nan | falls short |" in text

@@ -6,7 +6,7 @@ import pytest
 from examples.falling import FallingDiscs
 from namlcp import Status, solve_lcp
 from namlcp.scenes.friction import Bodies, friction_lcp
-from validation.problems.general import piles
+from validation.problems import contact_scenes as piles
 
 SCENES = {
     "pile": piles.pile_of_discs(4, 0.5),
@@ -67,8 +67,8 @@ def test_block_on_a_slope(angle, mu):
     """It sticks where tan(angle) <= mu, else it slides; a brick 2 x 1, two corners."""
     pull = piles.STEP * np.array([[np.sin(angle), -np.cos(angle), 0.0, 0.0, 0.0, 0.0]])
     bodies = Bodies(np.array([[0.0, 0.5, 0.0]]), np.ones(1), np.ones((1, 3)), pull)
-    corners = iter([(-1, 0, (x, 0.0, 0.0), -piles.BELOW) for x in (-1.0, 1.0)])
-    scene = piles.scene_of(bodies, corners, mu)
+    corners = [(-1, 0, (x, 0.0, 0.0), -piles.BELOW) for x in (-1.0, 1.0)]
+    scene = piles.scene_of(bodies, zip(*corners, strict=True), mu)
     A, q = friction_lcp(scene)
     z = solve_lcp(A, q).z
     expected = np.zeros(6)

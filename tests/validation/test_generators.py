@@ -12,7 +12,7 @@ from validation.problems.fuzzed.draw import Draw
 from validation.problems.osqp_classes import CLASSES, ENTRIES, entries
 from validation.problems.osqp_classes import generate as osqp_class
 from validation.problems.sequences import SCENES
-from validation.repeated import sequences
+from validation.repeated import benchmark
 from validation.repeated.workspaces import WORKSPACES
 from validation.stress import campaign
 from validation.stress import campaign_answers as answers
@@ -37,14 +37,14 @@ def test_classes_have_their_sizes_and_are_the_same_again(name):
 def test_every_workspace_goes_along(scene, solver):
     if solver.split()[0] != "nam":
         pytest.importorskip({"proxqp": "proxsuite"}.get(solver, solver))
-    recorded = sequences.recorded(scene, SCENES[scene].sizes[0], "moves a little", 6)
+    recorded = benchmark.recorded(scene, SCENES[scene].sizes[0], "moves a little", 6)
     data = qps.by_name(recorded.problem)
     workspace = WORKSPACES[solver](recorded.problem, 1e-8)
     for changed, fresh in zip(recorded.vectors, recorded.fresh, strict=True):
         assert changed.keys() <= {"q", "h", "b", "lb", "ub"}
         data |= changed
         workspace.step(workspace.prepared(changed))
-        row = sequences.judged_step(workspace, Problem(**data), fresh, 1e-8)
+        row = benchmark.judged_step(workspace, Problem(**data), fresh, 1e-8)
         assert row["success"], row
 
 

@@ -12,15 +12,14 @@ from namlcp import Status, solve_qp
 from validation.derivatives import closest
 from validation.harness import qps
 from validation.oracles import agreement
+from validation.oracles.agreement import Answer as Found
+from validation.oracles.agreement import nam
 from validation.oracles.scenes import Scene, at_bounds
-from validation.oracles.solvers import Answer as Found
-from validation.oracles.solvers import nam
 from validation.peers import work_precision
 from validation.problems import known_scenes
 from validation.stress import campaign
-from validation.stress.campaign_answers import NAM, Answer, qp_answer
-from validation.stress.campaign_closest import judge_closest
-from validation.stress.campaign_judge import judge_lcp
+from validation.stress.campaign_answers import Answer, qp_answer
+from validation.stress.campaign_judge import judge_closest, judge_lcp
 from validation.stress.campaign_relations import RELATIONS, class_of, examine
 from validation.stress.campaign_relations import agreement as agreed
 
@@ -100,7 +99,7 @@ def test_closest_points_that_are_not_closest_are_found():
         (2, bounds, "wrong"), (2, never, "wrong"),
     ):  # fmt: skip
         changed = dataclasses.replace(found, **change)
-        assert judge_closest(qp, norm, True, changed, NAM)[0] == outcome
+        assert judge_closest(qp, norm, True, changed)[0] == outcome
 
 
 # ---- oracles, references, batches, closest points beside peers

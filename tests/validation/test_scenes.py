@@ -11,7 +11,7 @@ from namlcp import Status, natural_residual, solve_lcp
 from validation.oracles.scenes import scenes
 from validation.problems import hertz
 from validation.problems import known_scenes as known
-from validation.problems.general import games
+from validation.problems.general.families import game_lcp
 
 SCENES = scenes(problems_lcp.DATA)
 
@@ -82,7 +82,7 @@ GAMES = {
 @pytest.mark.parametrize("name", GAMES)
 def test_known_games(name):
     R, C, expected = GAMES[name]
-    z = solve(games.lcp(R, C)).reshape(2, -1)
+    z = solve(game_lcp(R, C)).reshape(2, -1)
     found = z / z.sum(axis=1)[:, None]
     np.testing.assert_allclose(found.ravel(), expected, atol=1e-9)
 

@@ -1,13 +1,13 @@
 """The harness: one suite end to end, runs that stop and go on, the report."""
 
-import sys
+import subprocess
 
 import pytest
 from child_work import answer
 
 from validation import report
 from validation.__main__ import main
-from validation.harness import cli, csv_files, machine
+from validation.harness import cli, machine, tables
 from validation.harness.suite import Late, Suite, limit_beside
 from validation.stress import campaign
 
@@ -64,7 +64,7 @@ def test_a_suite_ends_what_hangs_and_goes_on(tmp_path, one_thread):
     command = ["run", "--csv", str(file), "--go-on"]
     assert TRIED.main([*command, "--only", "1", "2"]) == 0
     assert TRIED.main(command) == 0
-    rows = csv_files.read(file)
+    rows = tables.read(file)
     said = {(r["problem"], r["solver"], r["eps"]): r["said"] for r in rows}
     assert len(said) == len(rows) == 18
     missed = {key: word for key, word in said.items() if word != "solved"}
@@ -104,14 +104,14 @@ def test_commands_of_the_report_have_their_arguments(command, capsys):
 def test_a_report_makes_only_what_is_out_of_date(tmp_path, monkeypatch):
     asked = []
 
-    def script(*words):
-        asked.append(words)
-        return [sys.executable, "-c", ""]
+    def run(command, **streams):
+        asked.append(command)
+        return subprocess.CompletedProcess(command, 0)
 
-    monkeypatch.setattr(report.cli, "script", script)
+    monkeypatch.setattr(report.subprocess, "run", run)
     for folder in ("results", "figures", "logs", "stamps"):
         (tmp_path / folder).mkdir()
     for again, runs in ((False, 1), (False, 1), (True, 2)):
         assert report.run(report.JOBS[1], tmp_path, tmp_path, False, again) == ""
         assert len(asked) == runs
-    assert asked[0][0] == "peers.benchmark"
+    assert "peers.benchmark" in asked[0]

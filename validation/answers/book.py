@@ -18,7 +18,6 @@ list takes about 20 minutes on two cores.
 
 import collections
 import math
-import os
 import shutil
 from concurrent.futures import ProcessPoolExecutor
 from functools import cache, partial
@@ -27,7 +26,7 @@ from pathlib import Path
 from typing import Any
 
 from validation.answers.suites import all_suites, row_of
-from validation.harness import Row, cli, csv_files, machine
+from validation.harness import Row, cli, tables
 
 COLUMNS = ("name", "status", "method", "verdict", "objective", "slack", "residual",
            "size", "mark", "iterations", "seconds")  # fmt: skip
@@ -38,26 +37,23 @@ ROUNDING, SAME = 1e-11, 1e-5  # of objectives; of points with one objective
 KINDS = ("wrong", "other", "worse", "better", "failure", "point", "way", "same")
 
 
-@cache
-def suites(data: Path | None) -> dict[str, Any]:
-    return all_suites(data)
+suites = cache(all_suites)
 
 
-def solved(data: Path | None, suite: str, names: list[str]) -> list[Row]:
-    return [row_of(suites(data)[suite], name) for name in names]
+def solved(data: Path | None, suite: str, name: str) -> Row:
+    return row_of(suites(data)[suite], name)
 
 
 def chosen(suite: str, names: list[str], book: Path, quick: bool) -> list[str]:
     if not quick:
         return names
-    rows = csv_files.read(book / f"{suite}.csv")
+    rows = tables.read(book / f"{suite}.csv")
     soon = {row["name"] for row in rows if float(row["seconds"]) < SOON}
     return [name for name in names if name in soon][::QUICK]
 
 
 def run(args: Any) -> dict[str, list[Row]]:
-    for library in machine.THREADS:
-        os.environ[f"{library}_NUM_THREADS"] = "1"
+    cli.begin()
     found: dict[str, list[Row]] = {}
     with ProcessPoolExecutor(args.jobs, get_context("spawn")) as pool:
         for suite, (names, _) in suites(args.data).items():
@@ -65,14 +61,12 @@ def run(args: Any) -> dict[str, list[Row]]:
                 continue
             wanted = chosen(suite, names, args.book, args.quick)
             file = args.run / f"{suite}.csv"
-            with csv_files.growing(file, [], COLUMNS, ("name",)) as rows:
-                done = {row["name"] for row in rows.rows}
-                left = [name for name in wanted if name not in done]
+            with tables.growing(file, [], COLUMNS, ("name",)) as rows:
+                left = [name for name in wanted if (name,) not in rows.known]
                 size = max(1, min(50, len(left) // (4 * args.jobs)))
-                parts = [left[i : i + size] for i in range(0, len(left), size)]
-                for part in pool.map(partial(solved, args.data, suite), parts):
-                    for row in part:
-                        rows.add(row)
+                work = partial(solved, args.data, suite)
+                for row in pool.map(work, left, chunksize=size):
+                    rows.add(row)
                 own = {row["name"]: row for row in rows.rows}
             found[suite] = [own[name] for name in wanted]
             print(f"{suite}: {len(wanted)} problems", flush=True)
@@ -80,7 +74,7 @@ def run(args: Any) -> dict[str, list[Row]]:
 
 
 def number(row: Row, column: str) -> float:
-    return csv_files.number(row.get(column))
+    return tables.number(row.get(column))
 
 
 def difference(old: Row, new: Row) -> str:
@@ -117,7 +111,7 @@ def compare(found: dict[str, list[Row]], book: Path) -> int:
     total: collections.Counter[str] = collections.Counter()
     listed = []
     for suite, rows in found.items():
-        stored = {row["name"]: row for row in csv_files.read(book / f"{suite}.csv")}
+        stored = {row["name"]: row for row in tables.read(book / f"{suite}.csv")}
         counts: collections.Counter[str] = collections.Counter()
         work = [0.0, 0.0]
         for new in rows:

@@ -29,17 +29,20 @@ from qpsolvers import Problem
 import namlcp
 from validation.general.benchmark import make
 from validation.harness import Row
-from validation.paper import tables
+from validation.paper import sweeps
 from validation.peers import benchmark
 from validation.problems import data_sets, infeasible_cases, osqp_classes, sweep_scenes
 from validation.problems.fuzzed import cases
-from validation.problems.general import games
-from validation.problems.general.families import FRICTION
+from validation.problems.general.families import FRICTION, game_lcp
 from validation.stress import campaign, campaign_relations
 from validation.stress.campaign_answers import ask_nam
 
 SEED = 31
 LIMIT = 60.0  # [s] a problem
+CAMPAIGN = {  # how many of each kind
+    "every": 10_000, "general": 3_000, "sequences": 1_000, "batches": 500,
+    "derivatives": 500, "closest": 500,
+}  # fmt: skip
 OTHERS = ("copositive", "singular copositive", "copositive-plus", "P0", "games")
 FAMILIES = (  # names, sizes, and how many of each
     (FRICTION, (80, 200, 500), 6),
@@ -52,6 +55,12 @@ SWEEPS: dict[str, dict[str, float]] = {
     "namsor": ALPHA, "namaor": ALPHA | BETA, "amgs": {}, "amsor": ALPHA, "pgs": {},
     "psor": ALPHA, "modulus": {}, "nam": {}, "modified-nam": ALPHA,
 }  # fmt: skip
+BENCHMARK = (  # a title, the set of problems and the tolerance
+    ("maros-1e-06", "all", 1e-6), ("maros-1e-09", "all", 1e-9),
+    ("maros-noise", "noise", 1e-6), ("maros-rows", "rows", 1e-6),
+    ("maros-columns", "columns", 1e-6), ("mpc", "mpc", 1e-6),
+    ("contact-qp", "contact", 1e-6),
+)  # fmt: skip
 
 
 class Suite(NamedTuple):
@@ -61,14 +70,10 @@ class Suite(NamedTuple):
     solve: Callable[[str], Row]
 
 
-def weights(n: int) -> np.ndarray:
-    return np.cos(1.0 + np.arange(n))
-
-
 def point_of(x: np.ndarray) -> Row:
     if not np.isfinite(x).all():
         return {}
-    size, mark = float(np.linalg.norm(x)), float(weights(x.size) @ x)
+    size, mark = np.linalg.norm(x), np.cos(1.0 + np.arange(x.size)) @ x
     return {"size": f"{size:.8g}", "mark": f"{mark:.8g}"}
 
 
@@ -157,19 +162,17 @@ def family_row(name: str) -> Row:
 
 
 def collected_row(data: Path, name: str) -> Row:
-    if name.startswith("game"):
-        return lcp_row(*games.lcp(*games.gambit(data)[name.removeprefix("game_")]))
     stored = np.load(data / "general" / f"{name}.npz")
+    if name.startswith("game"):
+        return lcp_row(*game_lcp(stored["R"], stored["C"]))
     return lcp_row(stored["A"], stored["q"].ravel())
 
 
 def printed_row(name: str) -> Row:
     example, method, alpha, m = name.split()
-    given: Row = {} if alpha == "None" else {"alpha": float(alpha)}
-    if method.startswith("nam"):
-        given["shift"] = 1.0
-    scene = sweep_scenes.paper_example(int(example), int(m))
-    return row_of_lcp(tables.solve(scene, int(m), method, 100, **given), tables.EPS)
+    known = None if alpha == "None" else float(alpha)
+    run = sweeps.printed_run((int(example), method, known), int(m))
+    return row_of_lcp(run(), sweeps.EPS)
 
 
 def sweep_row(name: str) -> Row:
@@ -180,13 +183,10 @@ def sweep_row(name: str) -> Row:
 
 
 def generated() -> Iterator[tuple[str, Suite]]:
-    for kind, count in (("every", 10_000), ("general", 3_000)):
+    for kind, count in CAMPAIGN.items():
         names = [str(i) for i in range(count)]
-        yield f"campaign-{kind}", Suite(names, partial(fuzzed_row, kind))
-    counts = {"sequences": 1_000, "batches": 500, "derivatives": 500, "closest": 500}
-    for kind, count in counts.items():
-        names = [str(i) for i in range(count)]
-        yield f"campaign-{kind}", Suite(names, partial(related_row, kind))
+        row = related_row if kind in campaign_relations.RELATIONS else fuzzed_row
+        yield f"campaign-{kind}", Suite(names, partial(row, kind))
     classes = osqp_classes.CLASSES.items()
     names = [f"{kind} {size}" for kind, found in classes for size in found.sizes]
     load = lambda name: osqp_classes.generate(*name.rsplit(maxsplit=1))  # noqa: E731
@@ -197,7 +197,7 @@ def generated() -> Iterator[tuple[str, Suite]]:
         for family, n, seed in product(families, sizes, range(seeds))
     ]
     yield "families", Suite(names, family_row)
-    printed = product(tables.TABLES, tables.SIZES)
+    printed = product(sweeps.TABLES, sweeps.SIZES)
     names = [
         f"{example} {method} {alpha} {m}" for (example, method, alpha), m in printed
     ]
@@ -207,17 +207,11 @@ def generated() -> Iterator[tuple[str, Suite]]:
 
 
 def collected(data: Path) -> Iterator[tuple[str, Suite]]:
-    load = partial(data_sets.load, data, "all")
-    names = data_sets.set_names(data, "all")
-    for eps in (1e-6, 1e-9):
-        yield f"maros-{eps:.0e}", Suite(names, partial(loaded_row, load, eps))
-    for change in ("noise", "rows", "columns"):
-        load = partial(benchmark.load_changed, data, change)
-        yield f"maros-{change}", Suite(names, partial(loaded_row, load, 1e-6))
-    for name, title in (("mpc", "mpc"), ("contact", "contact-qp")):
-        names = data_sets.set_names(data, name)
-        load = partial(data_sets.load, data, name)
-        yield title, Suite(names, partial(loaded_row, load, 1e-6))
+    for title, problem_set, eps in BENCHMARK:
+        names = benchmark.names_of(data, problem_set)
+        load = partial(benchmark.load, data, problem_set)
+        yield title, Suite(names, partial(loaded_row, load, eps))
+    names = benchmark.names_of(data, "contact")
     scene = partial(data_sets.contact_lcp, data)
     yield "contact-lcp", Suite(names, lambda name: lcp_row(*scene(name)))
     names = list(infeasible_cases.all_cases(data, 3))

@@ -22,19 +22,12 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
+from numba import njit  # compiles the peer, a loop from node to node
 from scipy.interpolate import CubicSpline
 
 from namlcp import Prepared, Status, solve_lcp
 from validation.harness import Job, Row
 from validation.harness.suite import Suite
-
-try:  # the peer, a loop from node to node, is compiled for a fair comparison
-    from numba import njit
-except ImportError:
-
-    def njit(**_):
-        return lambda function: function
-
 
 WIDTH = 1.5
 EULER_STEPS = 4
@@ -71,21 +64,18 @@ class Grid(NamedTuple):
     above: float
 
 
-def grid_of(put: Put, nodes: int, steps: int, shift: float = 0.5) -> Grid:
-    """Return the grid; the strike stands `shift` cells left of a node."""
-    dx = 2.0 * WIDTH / (nodes + 1)
-    x = np.log(put.strike) + (np.arange(nodes) - nodes // 2 + shift) * dx
+def grid_of(put: Put, size: int) -> Grid:
+    """Return the grid of so many nodes and time steps, the strike between two nodes."""
+    dx = 2.0 * WIDTH / (size + 1)
+    x = np.log(put.strike) + (np.arange(size) - size // 2 + 0.5) * dx
     diffusion = 0.5 * put.sigma**2 / dx**2
     drift = (put.rate - put.dividend - 0.5 * put.sigma**2) / (2.0 * dx)
-    half = 0.5 * put.years / steps
-    payoff, left = (
-        np.maximum(put.strike - np.exp(x), 0.0),
-        put.strike - np.exp(x[0] - dx),
-    )
+    half = 0.5 * put.years / size
+    payoff = np.maximum(put.strike - np.exp(x), 0.0)
+    left = put.strike - np.exp(x[0] - dx)
     below, above = half * (drift - diffusion), -half * (diffusion + drift)
-    return Grid(
-        x, payoff, left, below, 1.0 + half * (2.0 * diffusion + put.rate), above
-    )
+    diagonal = 1.0 + half * (2.0 * diffusion + put.rate)
+    return Grid(x, payoff, left, below, diagonal, above)
 
 
 @njit(cache=True, nogil=True)
@@ -184,17 +174,13 @@ BLOCK = 10  # steps that one method takes before it is the other's turn
 
 def timed(_: Job, name: str, size: int) -> Row:
     put = PUTS[name]
-    grid = grid_of(put, size, size)
+    grid = grid_of(put, size)
     for kind in (package, kept):
         kind(grid).run(2)  # compiled
     ours, other = package(grid), kept(grid)
-    times = []
-    left = size + EULER_STEPS // 2
-    while left > 0:
-        block = min(BLOCK, left)
-        times.append([march.run(block) for march in (ours, other)])
-        left -= block
-    seconds = np.array(times[:-1])
+    turns = range(size // BLOCK)
+    seconds = np.array([[m.run(BLOCK) for m in (ours, other)] for _ in turns])
+    ours.run(EULER_STEPS // 2)  # so many half steps more than whole ones
     price, per_step = ours.price(put.spot), np.median(seconds, axis=0) / BLOCK
     row = {"steps": size, "price": price, "error": price - put.price}
     row |= {"us_a_step": per_step[0] * 1e6, "us_kept": per_step[1] * 1e6}

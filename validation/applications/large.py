@@ -26,19 +26,10 @@ from matplotlib import pyplot as plt
 from scipy.sparse.linalg import LinearOperator
 
 from namlcp import LCPResult, natural_residual, solve_lcp
-from validation.harness import (
-    Job,
-    Row,
-    charts,
-    csv_files,
-    judging,
-    processes,
-    qp_solvers,
-    tables,
-    timing,
-)
+from validation.harness import Job, Row, charts, judging, qp_solvers, tables, timing
 from validation.harness.suite import Args, Late, Suite
-from validation.problems import contact_scenes, hertz, known_scenes, sweep_scenes
+from validation.problems import contact_scenes, hertz, known_scenes
+from validation.problems.sweep_scenes import paper_example, with_contact
 
 SIZES = (10_000, 100_000, 1_000_000)
 FORCED_SIZES = (10_000, 40_000, 90_000, 100_000, 1_000_000, 4_000_000)
@@ -55,12 +46,6 @@ FAILED = frozenset({"timeout", "too slow", "crashed", "not found", "inaccurate"}
 CYCLES = 200  # of the baseline at most
 
 
-def strongly_dominant(n: int) -> known_scenes.BoxLCP:
-    """Return Example 2 at delta = 4 with half of the unknowns in contact."""
-    scene = sweep_scenes.paper_example(2, known_scenes.side(n))
-    return sweep_scenes.with_contact(scene.A)
-
-
 def hertz_contact(n: int) -> known_scenes.BoxLCP:
     """Return a sphere on a half-space; A is a LinearOperator, a product by the FFT."""
     made = hertz.hertz(known_scenes.side(n))
@@ -68,30 +53,43 @@ def hertz_contact(n: int) -> known_scenes.BoxLCP:
 
 
 class Entry(NamedTuple):
-    """How to make a scene of n unknowns, which n, and pyamg's Krylov method for A.
+    """How to make a scene of n unknowns, its title, which n, pyamg's Krylov method.
 
     Where it is `relative`, the tolerance and the residual of the row are: that of the
     problem scaled to a unit diagonal, over its value at z = 0.
     """
 
     make: Callable[[int], known_scenes.BoxLCP]
+    title: str
     sizes: tuple[int, ...] = SIZES
     accel: str | None = "cg"
     relative: bool = False
 
 
 wide_heap = partial(contact_scenes.heap, sideways=True)
-PLAIN = [*"ball torsion biactive rough anisotropic 3-D".split(), "mesh, jumps"]
+FAMILIES = known_scenes.FAMILIES
+PILES = "contact piles"
 SCENES = {
-    "forced": Entry(known_scenes.FAMILIES["forced"], FORCED_SIZES),
-    **{name: Entry(known_scenes.FAMILIES[name]) for name in PLAIN},
-    "transport": Entry(known_scenes.FAMILIES["transport"], accel="bicgstab"),
-    "dominant": Entry(strongly_dominant, accel="bicgstab"),
-    "heap": Entry(contact_scenes.heap, PILE_SIZES, None, True),
-    "heap, wide": Entry(wide_heap, PILE_SIZES, None, True),
-    "wall": Entry(contact_scenes.brick_wall, PILE_SIZES, None, True),
-    "hertz": Entry(hertz_contact, HERTZ_SIZES, None),
-}
+    "forced": Entry(FAMILIES["forced"], "forced obstacle", FORCED_SIZES),
+    "ball": Entry(FAMILIES["ball"], "ball obstacle"),
+    "torsion": Entry(FAMILIES["torsion"], "torsion, two-sided"),
+    "biactive": Entry(FAMILIES["biactive"], "half biactive"),
+    "rough": Entry(FAMILIES["rough"], "rough obstacle"),
+    "anisotropic": Entry(FAMILIES["anisotropic"], "anisotropic 1 : 0.01"),
+    "3-D": Entry(FAMILIES["3-D"], "3-D, seven-point"),
+    "mesh, jumps": Entry(FAMILIES["mesh, jumps"], "mesh, jumps 1 : 1000"),
+    "transport": Entry(
+        FAMILIES["transport"], "Example 2, $\\delta$ = 0", accel="bicgstab"
+    ),
+    "dominant": Entry(  # with half of the unknowns in contact
+        lambda n: with_contact(paper_example(2, known_scenes.side(n)).A),
+        "Example 2, $\\delta$ = 4", accel="bicgstab",
+    ),
+    "heap": Entry(contact_scenes.heap, PILES, PILE_SIZES, None, True),
+    "heap, wide": Entry(wide_heap, PILES, PILE_SIZES, None, True),
+    "wall": Entry(contact_scenes.brick_wall, PILES, PILE_SIZES, None, True),
+    "hertz": Entry(hertz_contact, "Hertz, matrix-free", HERTZ_SIZES, None),
+}  # fmt: skip
 
 
 def work(job: Job, name: str, n: int) -> Row:
@@ -99,7 +97,7 @@ def work(job: Job, name: str, n: int) -> Row:
         return peer_row(job, name, n)
     job.ready()
     warnings.simplefilter("ignore")
-    make, _, accel, relative = SCENES[name]
+    make, _, _, accel, relative = SCENES[name]
     call(make(min(n, WARM_UP)), 60.0, relative)
     scene = make(n)
     A = scene.A
@@ -181,7 +179,7 @@ def peer_row(job: Job, name: str, n: int) -> Row:
 
     def judge(answer: qpsolvers.Solution) -> Row:
         if not answer.found or answer.x is None:
-            return processes.failure("not found")
+            return {"status": "not found"}
         residual = residual_of(scene, answer.x, False)
         good = residual <= PEER_EPS * np.sqrt(scene.q.size)
         return {"residual": residual, "status": "solved" if good else "inaccurate"}
@@ -199,38 +197,24 @@ def requests(args: Args) -> Iterator[Row]:
                 yield {"scene": name, "size": n, "n": n, "solver": solver}
 
 
-PANELS = {
-    "forced obstacle": "forced",
-    "ball obstacle": "ball",
-    "torsion, two-sided": "torsion",
-    "half biactive": "biactive",
-    "rough obstacle": "rough",
-    "anisotropic 1 : 0.01": "anisotropic",
-    "3-D, seven-point": "3-D",
-    "mesh, jumps 1 : 1000": "mesh, jumps",
-    "Example 2, $\\delta$ = 0": "transport",
-    "Example 2, $\\delta$ = 4": "dominant",
-    "contact piles": "heap; heap, wide; wall",
-    "Hertz, matrix-free": "hertz",
-}
-
-PILES = {"heap": "o", "heap, wide": "s", "wall": "^"}
+MARKERS = {"heap": "o", "heap, wide": "s", "wall": "^"}
 
 
 def plot(results: Path, figures: Path) -> None:
-    rows = csv_files.read(results)
+    """Draw time against n, a panel for each title of a scene."""
+    rows = tables.read(results)
     dashed = {"color": charts.DARK, "linestyle": "--", "label": "one linear solve"}
     size = charts.WIDTH, 7.5
     figure, grid = plt.subplots(
         3, 4, figsize=size, sharex=True, sharey=True, layout="constrained"
     )
-    for axes, (title, scenes) in zip(grid.flat, PANELS.items(), strict=True):
+    titles = dict.fromkeys(entry.title for entry in SCENES.values())
+    for axes, title in zip(grid.flat, titles, strict=True):
         axes.set_title(title, fontsize=9.0)
-        kinds = scenes.split("; ")
-        own = [row for row in rows if row["scene"] in kinds]
-        if len(kinds) > 1:
+        own = [row for row in rows if SCENES[row["scene"]].title == title]
+        if title == PILES:
             look = lambda name: {  # noqa: E731
-                "color": charts.BLUE, "marker": PILES[name], "label": name,
+                "color": charts.BLUE, "marker": MARKERS[name], "label": name,
             }  # fmt: skip
             charts.lines(axes, own, "scene n seconds", look)
         else:
@@ -238,8 +222,8 @@ def plot(results: Path, figures: Path) -> None:
             charts.lines(axes, ours, "solver n baseline", lambda _: dashed)
             solved = tables.chosen(own, status="solved")
             charts.lines(axes, solved, "solver n seconds", charts.looks)
-    for axes in (grid[0, 0], grid.flat[list(PANELS).index("contact piles")]):
-        axes.legend(fontsize=7.5)
+        if axes is grid[0, 0] or title == PILES:
+            axes.legend(fontsize=7.5)
     figure.supxlabel("n", fontsize=9.0)
     figure.supylabel("time [s]", fontsize=9.0)
     charts.save(figure, figures / "large.svg")

@@ -22,6 +22,7 @@ multipliers that the solver's interface hands back:
 
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from typing import Any
 
 import cvxpy as cp
@@ -29,7 +30,9 @@ import numpy as np
 from cvxpy.error import SolverError
 from scipy.linalg import solve_discrete_are
 
+from namlcp.cvxpy import NAM, register
 from validation.harness import Job, Row, timing
+from validation.harness.judging import largest
 from validation.harness.suite import Args, Suite
 from validation.problems import models
 
@@ -54,12 +57,6 @@ def stuffed_qp(data: dict[str, Any]) -> tuple[Any, ...]:
     return P, data["c"], A[:rows], b[:rows], A[rows:], b[rows:]
 
 
-def largest(*arrays: Any) -> float:
-    """Return the largest modulus of a finite entry, 0 of nothing."""
-    entries = np.concatenate([np.abs(np.atleast_1d(a)) for a in arrays])
-    return float(entries[~np.isinf(entries)].max(initial=0.0))
-
-
 def residuals(qp: tuple[Any, ...], x: Any, y: Any, z: Any) -> dict[str, float]:
     P, q, A, b, F, g = qp
     Px, Ax, Fx, Ay, Fz = P @ x, A @ x, F @ x, A.T @ y, F.T @ z
@@ -69,7 +66,7 @@ def residuals(qp: tuple[Any, ...], x: Any, y: Any, z: Any) -> dict[str, float]:
     dual = largest(Px + q + Ay + Fz, np.minimum(z, 0.0), z[~finite])
     primal = largest(Ax - b, np.minimum(slack, 0.0))
     return {
-        "primal_residual": primal / max(1.0, largest(Ax, b, Fx, g)),
+        "primal_residual": primal / max(1.0, largest(Ax, b, Fx, g[finite])),
         "dual_residual": dual / max(1.0, largest(Px, q, Ay, Fz)),
         "complementarity": largest(slack * zf, sum(terms)) / max(1.0, largest(*terms)),
     }
@@ -96,16 +93,12 @@ def judge(problem: Any, chain: Any, raw: Any, data: Any, inverse: Any) -> Row:
 
 
 def work(job: Job, size: str, name: str) -> Row:
-    from namlcp.cvxpy import register
-
     register()
     model = models.MODELS[name]
     keyword, options = SOLVERS[job.solver]
     if size == "large":  # load what is compiled on first use
-        try:
+        with suppress(Exception):
             model.make(*model.small).solve(solver=keyword, **options)
-        except Exception as error:
-            print(error)
     problem = model.make(*getattr(model, size))
     data, chain, inverse = problem.get_problem_data(keyword, solver_opts=dict(options))
 
@@ -215,8 +208,6 @@ SEQUENCES: dict[str, tuple[Callable[..., Sequence], dict[str, tuple[int, ...]]]]
 
 
 def resolve(name: str, size: str, variant: str) -> Row:
-    from namlcp.cvxpy import NAM
-
     make, sizes = SEQUENCES[name]
     keyword, options = SOLVERS[variant]
     problem, steps = make(*sizes[size])

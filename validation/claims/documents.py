@@ -1,5 +1,8 @@
 """The figures and tables of README.md, docs and validation/README.md.
 
+They are written anew, and claims that do not hold are printed; --check writes nothing
+and returns 1 if a document says what the results do not.
+
 A figure that claims something is followed by the name of a claim as a comment,
 ``0.78<!-- Maros-Meszaros over piqp -->``; it has to be the value, rounded to the digits
 that the text gives. A table stands between ``<!-- table: NAME -->`` and ``<!-- end
@@ -8,11 +11,10 @@ that the text gives. A table stands between ``<!-- table: NAME -->`` and ``<!-- 
 
 import math
 import re
-from pathlib import Path
 
 from validation.claims import figures
 from validation.claims.figures import Figures, Spec, claims
-from validation.harness import Row, cli, csv_files, tables
+from validation.harness import Row, cli, tables
 
 DOCUMENTS = (
     cli.ROOT / "README.md",
@@ -53,9 +55,9 @@ def of_claims(part: str, known: Figures) -> str:
     return tables.markdown(("figure", "limit", "measured", "met"), lines)
 
 
-def taken(results: Path) -> str:
+def taken() -> str:
     files: dict[tuple[str, ...], int] = {}
-    headers = map(csv_files.header, results.glob("*.csv"))
+    headers = map(tables.header, cli.RESULTS.glob("*.csv"))
     for header in filter(None, headers):  # history.csv has none
         said = {name: value for name, _, value in (x.partition(": ") for x in header)}
         key = tuple(said.get(name, "") for name in ("commit", "date", "cpu", "load"))
@@ -64,9 +66,9 @@ def taken(results: Path) -> str:
     return tables.markdown(("commit", "date", "machine", "load", "files"), counts)
 
 
-def crossed(spec: Spec, results: Path) -> str:
+def crossed(spec: Spec) -> str:
     """Return a table with a line for each value of `down`, see claims.toml."""
-    rows = figures.read(results / f"{spec['file']}.csv")
+    rows = figures.read(cli.RESULTS / f"{spec['file']}.csv")
     rows = figures.where(rows, spec.get("where", "True"))
     columns = (figures.of(rows, down) for down in spec["down"].values())
     keys = list(zip(*columns, strict=True))
@@ -91,18 +93,18 @@ def cell(rows: list[Row], spec: Spec, here: str) -> str:
     return ", ".join(texts) or "-"
 
 
-def table(name: str, known: Figures, results: Path) -> str:
+def table(name: str, known: Figures) -> str:
     if name.startswith("claims "):
         return of_claims(name.removeprefix("claims "), known)
     if name == "taken":
-        return taken(results)
-    return crossed(figures.TABLE["tables"][name], results)
+        return taken()
+    return crossed(figures.TABLE["tables"][name])
 
 
-def written(text: str, known: Figures, results: Path = cli.RESULTS) -> str:
+def written(text: str, known: Figures) -> str:
     def block(found: re.Match[str]) -> str:
         begin, name = found.groups()
-        return f"{begin}{table(name, known, results)}\n"
+        return f"{begin}{table(name, known)}\n"
 
     return BLOCK.sub(block, renewed(text, known))
 
@@ -123,3 +125,21 @@ def faults(text: str, known: Figures) -> list[str]:
     )
     found += [f"too wide: {wide.strip()[:60]}" for wide in cells if len(wide) > WIDEST]
     return found
+
+
+def main(arguments: list[str] | None = None) -> int:
+    parser = cli.parser(__doc__)
+    parser.add_argument("--check", action="store_true", help="write nothing")
+    args = parser.parse_args(arguments)
+    known, found = figures.values(), []
+    for document in DOCUMENTS:
+        text = document.read_text()
+        name = document.relative_to(cli.ROOT)
+        found += [f"{name}: {fault}" for fault in faults(text, known)]
+        if not args.check:
+            document.write_text(written(text, known))
+    for claim in claims(known):
+        if not claim.holds:
+            print(f"does not hold: {claim.name} {claim.limit}, is {claim.value:.4g}")
+    print("\n".join(found))
+    return int(args.check and bool(found))

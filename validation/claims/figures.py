@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from validation.harness import Row, cli, csv_files, tables, timing
+from validation.harness import Row, cli, tables, timing
 
 TABLE = tomllib.loads(Path(__file__).with_name("claims.toml").read_text())
 BY = "problem set case scene size level n name"
@@ -86,16 +86,14 @@ def said(verb: str, values: list[Any]) -> float:
 def typed(texts: Iterable[str]) -> list[Any]:
     known = {"True": True, "False": False}
     try:
-        return [
-            known[text] if text in known else csv_files.number(text) for text in texts
-        ]
+        return [known[text] if text in known else tables.number(text) for text in texts]
     except ValueError:
         return list(texts)
 
 
 def read(file: Path) -> list[Row]:
     """Return the rows of a CSV file; a column `class` is called class_."""
-    rows = csv_files.read(file)
+    rows = tables.read(file)
     if not rows:
         return []
     names = [f"{name}_" if keyword.iskeyword(name) else name for name in rows[0]]
@@ -182,13 +180,3 @@ def claims(known: Figures, part: str = "") -> list[Claim]:
         for name, (_, spec) in asked.items()
         if "limit" in spec
     ]
-
-
-def moved(before: list[Claim], now: list[Claim]) -> str:
-    lines = []
-    for old, new in zip(before, now, strict=True):
-        word = "holds" if new.holds else "FELL" if old.holds else "falls short"
-        lines.append(
-            (new.name, new.limit, f"{old.value:.3g}", f"{new.value:.3g}", word)
-        )
-    return tables.markdown(("claim", "limit", "before", "now", ""), lines)

@@ -6,14 +6,18 @@ the literature: weakly active rows and bounds, rows that repeat each other, more
 rows than variables, a P that is singular on the strictly active rows.
 """
 
+from typing import Any
+
 import numpy as np
 
 from namlcp.qp import QP
+from validation.problems.known_scenes import BoxLCP
 
-Kept = dict[str, np.ndarray]
+Array = np.ndarray
+Kept = dict[str, Array]
 
 
-def definite(n: int, rng: np.random.Generator) -> np.ndarray:
+def definite(n: int, rng: np.random.Generator) -> Array:
     """Return a random positive definite matrix, of a condition below about 100."""
     B = rng.standard_normal((2 * n, n))
     return B.T @ B / n + 0.1 * np.eye(n)
@@ -48,10 +52,8 @@ def regular_qp(
     return QP(P * c * c[:, None], q * c, G, h, A * c, A @ x, lb / c, ub / c)
 
 
-def regular_lcp(
-    seed: int, n: int = 12, symmetric: bool = False
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return (A, q, lower, upper): a third of the unknowns free, two pinned."""
+def regular_lcp(seed: int, n: int = 12, symmetric: bool = False) -> BoxLCP:
+    """Return an LCP with a third of the unknowns free, and two pinned."""
     rng = np.random.default_rng(seed)
     A = definite(n, rng)
     if not symmetric:
@@ -64,12 +66,10 @@ def regular_lcp(
     lower[0], upper[0], w[0] = -np.inf, np.inf, 0.0
     lower[1:3] = upper[1:3] = z[1:3]
     w[1:3] = rng.standard_normal(2)
-    return A, w - A @ z, lower, upper
+    return BoxLCP(A, w - A @ z, lower, upper)
 
 
-def around(
-    x: np.ndarray, P: np.ndarray, G: np.ndarray, z: np.ndarray, active: np.ndarray
-) -> QP:
+def around(x: Array, P: Array, G: Array, z: Array, active: Array) -> QP:
     """Return a QP that x solves with multipliers z; inactive rows have slack 1."""
     none = np.empty((0, x.size)), np.empty(0)
     free = np.full(x.size, np.inf)
@@ -133,9 +133,7 @@ KINKS = {  # with the data to be changed; "qh" means both
 }
 
 
-def contradictory(
-    seed: int, n: int, m: int, p: int = 2, bounds: bool = False
-) -> dict[str, np.ndarray]:
+def contradictory(seed: int, n: int, m: int, p: int = 2, bounds: bool = False) -> Kept:
     """Return the arguments of an infeasible QP: two rows of G are opposed."""
     rng = np.random.default_rng(seed)
     B, x = rng.standard_normal((n, n)), rng.standard_normal(n)
@@ -143,14 +141,14 @@ def contradictory(
     G[1] = -G[0]
     h = -1.0 - rng.random(m) if m > 2 * n else G @ x + rng.random(m)
     h[1] = -h[0] - 1.0
-    found = {"P": B.T @ B / n + np.eye(n), "q": rng.standard_normal(n), "G": G, "h": h}
-    found |= {"A": A, "b": A @ x}
+    q, P = rng.standard_normal(n), B.T @ B / n + np.eye(n)
+    found = {"P": P, "q": q, "G": G, "h": h, "A": A, "b": A @ x}
     if bounds:
         found |= {"lb": x - rng.random(n), "ub": x + rng.random(n)}
     return found
 
 
-def weak_lcp(seed: int, n: int = 8) -> tuple[np.ndarray, np.ndarray]:
+def weak_lcp(seed: int, n: int = 8) -> tuple[Array, Array]:
     """Return (A, q) with two unknowns at 0 with w = 0; A is not symmetric."""
     rng = np.random.default_rng(seed)
     skew = rng.standard_normal((n, n))
@@ -175,5 +173,6 @@ def direction(qp: QP, seed: int, names: str | tuple[str, ...] = QP._fields) -> K
     return d
 
 
-def moved(qp: QP, d: Kept, t: float) -> QP:
-    return qp._replace(**{name: getattr(qp, name) + t * own for name, own in d.items()})
+def moved(problem: Any, d: Kept, t: float) -> Any:
+    arrays = {name: getattr(problem, name) + t * change for name, change in d.items()}
+    return problem._replace(**arrays)

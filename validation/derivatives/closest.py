@@ -25,6 +25,7 @@ said        what proxqp says
 import importlib.util
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +37,7 @@ import namlcp
 from validation.harness import Job, Row, judging, qp_solvers, qps, timing
 from validation.harness.suite import Args, Suite
 from validation.problems import infeasible_cases
-from validation.problems.sequences import Sequence, condensed, single, stagewise
+from validation.problems.sequences import Controller, condensed, single, stagewise
 
 COLUMNS = (
     "problem | group n rows norm clarabel piqp conditions closest feasible ratio soft "
@@ -64,7 +65,7 @@ def gross(n: int, dense: bool) -> Problem:
     return infeasible_cases.shaped(arrays, dense)
 
 
-def lost(build: Callable[..., Sequence], stages: int, seed: int) -> Problem:
+def lost(build: Callable[[int], Controller], stages: int, seed: int) -> Problem:
     """Return the first step of a controller from a state that nothing leads back."""
     state = np.random.default_rng(seed).standard_normal(12)
     while infeasible_cases.is_feasible(problem := single(build, stages, state)):
@@ -168,39 +169,38 @@ def proxqp_row(problem: Problem, least: float) -> Row:
     return {"proxqp": spent, "excess": float(norm) / least - 1.0, "said": said}
 
 
-def work(job: Job, name: str, group: str, problem: Problem) -> Row:
+def work(job: Job, problem: Problem) -> Row:
     job.ready()
     arrays = qps.by_name(problem)
-    choice: dict[str, Any] = {"infeasible": "closest", "time_limit": LIMIT}
-    found = namlcp.solve_qp(**arrays, **choice).closest
-    row: Row = {"problem": name, "group": group, "n": problem.q.size}
-    _, _, _, h, _, b, _, _ = qps.parts(problem)
-    row["rows"] = h.size + b.size
+    ask = partial(namlcp.solve_qp, **arrays, time_limit=LIMIT)
+    closest = partial(ask, infeasible="closest")
+    found = closest().closest
+    rows = sum(v.size for v in (problem.h, problem.b) if v is not None)
+    row: Row = {"n": problem.q.size, "rows": rows}
     if found is None or found.status.value != "solved":
         return row | {"said": "no closest point" if found is None else found.message}
     row["norm"] = shifted_norm(found)
     row |= distances(problem, np.append(found.shift_h, found.shift_b))
     row["conditions"] = conditions(problem, found)
-    row["closest"] = seconds(lambda: namlcp.solve_qp(**arrays, **choice))
-    easier = dict(arrays)
-    for side, shift in (("h", found.shift_h), ("b", found.shift_b)):
-        if arrays[side] is not None:
-            easier[side] = arrays[side] + shift
-    if namlcp.solve_qp(**easier, time_limit=LIMIT).status.value == "solved":
-        row["feasible"] = seconds(lambda: namlcp.solve_qp(**easier))
+    row["closest"] = seconds(closest)
+    shifts = {"h": found.shift_h, "b": found.shift_b}
+    shifted = {k: arrays[k] + v for k, v in shifts.items() if arrays[k] is not None}
+    easier = partial(namlcp.solve_qp, **arrays | shifted)
+    if easier(time_limit=LIMIT).status.value == "solved":
+        row["feasible"] = seconds(easier)
         row["ratio"] = row["closest"] / row["feasible"]
     if problem.q.size <= MOST_DENSE:
-        choice["infeasible"] = namlcp.Relaxation(lb=1.0, ub=1.0)
-        soft = namlcp.solve_qp(**arrays, **choice).closest
-        row["soft"] = seconds(lambda: namlcp.solve_qp(**arrays, **choice))
+        soft = partial(ask, infeasible=namlcp.Relaxation(lb=1.0, ub=1.0))
+        least = soft().closest
+        row["soft"] = seconds(soft)
         if importlib.util.find_spec("proxsuite"):
-            row |= proxqp_row(problem, shifted_norm(soft))
+            row |= proxqp_row(problem, shifted_norm(least))
     return row
 
 
 def requests(args: Args) -> Iterator[Row]:
     for name, group, problem in problems(args.data, args.quick):
-        yield {"problem": name, "group": group, "ask": (name, group, problem)}
+        yield {"problem": name, "group": group, "ask": (problem,)}
 
 
 SUITE = Suite(

@@ -30,6 +30,9 @@ from validation.derivatives import cases
 from validation.harness import Job, Row
 from validation.harness.suite import Args, Suite
 
+Array = np.ndarray
+Solution = Callable[[float], Array]
+
 COUNTS, QUICK_COUNTS = (2000, 40), (100, 5)  # regular problems, and kinks
 EXACT = {"eps_abs": 1e-13, "eps_rel": 1e-13}
 STEP = 1e-4  # of the central difference; half of it is the second one
@@ -41,10 +44,9 @@ CLOSEST_KINDS = (  # variables, rows, equations, whether there are bounds
     (9, 5, 2, False),  # the cost does
     (6, 9, 2, True),
 )
-PARTS = ("x", "y", "z", "z_box")
 
 
-def extended_solve(K: np.ndarray, rhs: np.ndarray) -> np.ndarray:
+def extended_solve(K: Array, rhs: Array) -> Array:
     """Return K^-1 rhs in extended precision, by elimination with row pivoting."""
     M = np.column_stack((K, rhs)).astype(np.longdouble)
     n = len(M)
@@ -58,7 +60,7 @@ def extended_solve(K: np.ndarray, rhs: np.ndarray) -> np.ndarray:
     return x
 
 
-def qp_solution(qp: QP, rows: np.ndarray, side: np.ndarray) -> np.ndarray:
+def qp_solution(qp: QP, rows: Array, side: Array) -> Array:
     """Return (x, y, z, z_box) with these rows and bounds held, as one vector."""
     P, q, G, h, A, b, lb, ub = (v.astype(np.longdouble) for v in qp)
     n, fixed = q.size, np.flatnonzero(side)
@@ -72,7 +74,7 @@ def qp_solution(qp: QP, rows: np.ndarray, side: np.ndarray) -> np.ndarray:
     return np.concatenate((x, y, z, z_box))
 
 
-def lcp_solution(lcp: Any, side: np.ndarray) -> np.ndarray:
+def lcp_solution(lcp: Any, side: Array) -> Array:
     """Return (z, w) with these unknowns at their bounds, as one vector."""
     A, q, lower, upper = (v.astype(np.longdouble) for v in lcp)
     free = np.flatnonzero(side == 0)
@@ -81,14 +83,14 @@ def lcp_solution(lcp: Any, side: np.ndarray) -> np.ndarray:
     return np.concatenate((z, np.where(side == 0, 0.0, A @ z + q)))
 
 
-def difference(solution: Callable[[float], np.ndarray]) -> np.ndarray:
+def difference(solution: Solution) -> Array:
     coarse, fine = (
         (solution(t) - solution(-t)) / (2 * np.longdouble(t)) for t in (STEP, STEP / 2)
     )
     return (4 * fine - coarse) / 3
 
 
-def relative(found: np.ndarray, expected: np.ndarray, value: np.ndarray) -> float:
+def relative(found: Array, expected: Array, value: Array) -> float:
     size = np.abs(expected) + np.abs(value)
     return float(np.max(np.abs(found - expected) / np.where(size > 0.0, size, 1.0)))
 
@@ -101,10 +103,23 @@ def paired(gradients: Any, d: cases.Kept) -> list[float]:
     return terms
 
 
-def adjoint_gap(left: np.ndarray, right: list[float]) -> float:
-    """Return how far two sums of the same value differ, over their terms."""
+def errors(
+    result: Any, problem: Any, d: cases.Kept, solution: Any, rng: np.random.Generator
+) -> tuple[float, float]:
+    """Return the error of `forward` along d, and the gap of the adjoint."""
+    is_qp = isinstance(problem, QP)
+    parts = ("x", "y", "z", "z_box") if is_qp else ("z", "w")
+    both = result, result.forward(**{f"d{k}": v for k, v in d.items()})
+    own, found = (np.concatenate([getattr(v, k) for k in parts]) for v in both)
+    value = solution(problem)
+    assert relative(own, value, value) <= 1e-6
+    expected = difference(lambda t: solution(cases.moved(problem, d, t)))
+    g = rng.standard_normal(own.size) / (np.abs(own) + 1e-3 if is_qp else 1.0)
+    ends = np.cumsum([getattr(result, part).size for part in parts])
+    left, right = g * found, paired(result.backward(*np.split(g, ends[:-1])), d)
     size = np.abs(left).sum() + np.abs(right).sum()
-    return abs(float(left.sum()) - sum(right)) / float(size)
+    gap = abs(float(left.sum()) - sum(right)) / float(size)
+    return relative(found, expected, value), gap
 
 
 def regular_qp(seed: int) -> tuple[float, float]:
@@ -113,84 +128,55 @@ def regular_qp(seed: int) -> tuple[float, float]:
     qp = cases.regular_qp(seed, n, m, p, scale=(1.0, 1e4)[seed // 2 % 2])
     given = QP(*(sp.csc_array(v) if v.ndim == 2 else v for v in qp)) if seed % 2 else qp
     result = namlcp.solve_qp(*given)
-    d = cases.direction(qp, seed)
-    tangent = result.forward(**{f"d{name}": change for name, change in d.items()})
     held, _, _ = sides_of(result.derivative.qp, result.derivative.solution)
     _, rows, side = np.split(held, [p, p + m])
-    rows = np.flatnonzero(rows)
-    value = qp_solution(qp, rows, side)
-    own = np.concatenate([getattr(result, part) for part in PARTS])
-    assert relative(own, value, value) <= 1e-6, seed
-    expected = difference(lambda t: qp_solution(cases.moved(qp, d, t), rows, side))
-    found = np.concatenate([getattr(tangent, part) for part in PARTS])
-    g = rng.standard_normal(found.size) / (np.abs(own) + 1e-3)
-    ends = np.cumsum([n, p, m])
-    gradients = result.backward(*np.split(g, ends))
-    error = relative(found, expected, value)
-    return error, adjoint_gap(g * found, paired(gradients, d))
+    solution = partial(qp_solution, rows=np.flatnonzero(rows), side=side)
+    return errors(result, qp, cases.direction(qp, seed), solution, rng)
 
 
 def regular_lcp(seed: int) -> tuple[float, float]:
     rng = np.random.default_rng([seed, 3])
     lcp = cases.regular_lcp(seed, int(rng.integers(6, 30)), symmetric=seed % 3 == 0)
-    A, q, lower, upper = lcp
-    result = namlcp.solve_lcp(sp.csr_array(A) if seed % 2 else A, q, lower, upper)
-    d = {"A": rng.standard_normal(A.shape), "q": rng.standard_normal(q.size)}
-    d |= {"lower": rng.standard_normal(q.size), "upper": rng.standard_normal(q.size)}
-    pinned = lower == upper
+    A = sp.csr_array(lcp.A) if seed % 2 else lcp.A
+    result = namlcp.solve_lcp(*lcp._replace(A=A))
+    d = {name: rng.standard_normal(v.shape) for name, v in lcp._asdict().items()}
+    pinned = lcp.lower == lcp.upper
     d["lower"][pinned] = d["upper"][pinned]
-    tangent = result.forward(**{f"d{name}": change for name, change in d.items()})
-    side = result.derivative.side
-    value = lcp_solution(lcp, side)
-    own = np.concatenate((result.z, result.w))
-    assert relative(own, value, value) <= 1e-6, seed
-
-    def at(t: float) -> np.ndarray:
-        changed = [v + t * dv for v, dv in zip(lcp, d.values(), strict=True)]
-        return lcp_solution(changed, side)
-
-    found = np.concatenate((tangent.z, tangent.w))
-    g = rng.standard_normal(found.size)
-    gradients = result.backward(*np.split(g, 2))
-    error = relative(found, difference(at), value)
-    return error, adjoint_gap(g * found, paired(gradients, d))
+    solution = partial(lcp_solution, side=result.derivative.side)
+    return errors(result, lcp, d, solution, rng)
 
 
-def one_sided_error(
-    found: np.ndarray, solution: Callable[[float], np.ndarray]
-) -> float:
+def one_sided_error(found: Array, solution: Solution) -> tuple[float, float]:
     """Return the error of a derivative at 0 beside an extrapolated difference."""
     points = [solution(t) for t in (0.0, ONE_SIDED, 2 * ONE_SIDED)]
     expected = (4 * points[1] - 3 * points[0] - points[2]) / (2 * ONE_SIDED)
     error = np.abs(found - expected).max() / (1.0 + np.abs(expected).max())
-    return float(error)
+    return float(error), 0.0
 
 
 def kink_error(make: Callable[[int], QP], names: str, seed: int) -> tuple[float, float]:
     qp = make(seed)
     d = cases.direction(qp, seed, names)
     given = QP(*(sp.csc_array(v) if v.ndim == 2 else v for v in qp)) if seed % 2 else qp
-    result = namlcp.solve_qp(*given, **EXACT)
-    found = result.directional(**{f"d{name}": change for name, change in d.items()})
-    moved = lambda t: namlcp.solve_qp(*cases.moved(qp, d, t), **EXACT)  # noqa: E731
-    return one_sided_error(found.x, lambda t: moved(t).x), 0.0
+    solve = partial(namlcp.solve_qp, **EXACT)
+    found = solve(*given).directional(**{f"d{k}": v for k, v in d.items()}).x
+    return one_sided_error(found, lambda t: solve(*cases.moved(qp, d, t)).x)
 
 
 def lcp_kink_error(seed: int) -> tuple[float, float]:
     A, q = cases.weak_lcp(seed)
     rng = np.random.default_rng([seed, 4])
     dA, dq = rng.standard_normal(A.shape), rng.standard_normal(q.size)
-    result = namlcp.solve_lcp(A, q, eps_abs=1e-13)
-    found = result.directional(dA=dA, dq=dq)
-    moved = lambda t: namlcp.solve_lcp(A + t * dA, q + t * dq, eps_abs=1e-13)  # noqa: E731
-    return one_sided_error(found.z, lambda t: moved(t).z), 0.0
+    solve = partial(namlcp.solve_lcp, eps_abs=1e-13)
+    found = solve(A, q).directional(dA=dA, dq=dq)
+    return one_sided_error(found.z, lambda t: solve(A + t * dA, q + t * dq).z)
 
 
 def closest_error(seed: int) -> tuple[float, float]:
     rng = np.random.default_rng([seed, 5])
     data = cases.contradictory(seed, *CLOSEST_KINDS[seed % len(CLOSEST_KINDS)])
 
-    def parts_at(t: float, d: cases.Kept) -> tuple[Any, np.ndarray]:
+    def parts_at(t: float, d: cases.Kept) -> tuple[Any, Array]:
         moved = {name: own + t * d.get(name, 0.0) for name, own in data.items()}
         found = namlcp.solve_qp(**moved, infeasible="closest", **EXACT).closest
         return found, np.concatenate((found.x, found.shift_h, found.shift_b))

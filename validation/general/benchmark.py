@@ -21,10 +21,10 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 
 from examples.falling import FallingDiscs
-from validation.harness import Job, Row, timing
+from namlcp import solve_lcp
+from validation.harness import Job, Row, qps, timing
 from validation.harness.suite import Args, Late, Suite
 from validation.problems.general import families
 
@@ -51,22 +51,16 @@ def make(family: str, n: int, seed: int) -> families.Problem:
     return maker(n, seed)
 
 
-def dense(A: Any) -> np.ndarray:
-    return A.toarray() if sp.issparse(A) else A
-
-
 def by_nam(A: Any, q: np.ndarray, limit: float, method: str = "auto") -> Answer:
-    import namlcp
-
     accuracy = EPS * float(np.abs(q).max())
-    result = namlcp.solve_lcp(A, q, method=method, time_limit=limit, eps_abs=accuracy)
+    result = solve_lcp(A, q, method=method, time_limit=limit, eps_abs=accuracy)
     return result.status.value, result.z
 
 
 def by_quantecon(A: Any, q: np.ndarray, limit: float) -> Answer:
     from quantecon.optimize import lcp_lemke
 
-    result = lcp_lemke(dense(A), q)
+    result = lcp_lemke(qps.dense(A), q)
     return ("solved" if result.success else f"status {result.status}"), result.z
 
 
@@ -76,7 +70,7 @@ def by_daqp(A: Any, q: np.ndarray, limit: float) -> Answer:
     n = q.size
     bounds = np.full(n, 1e30), np.zeros(n), np.zeros(n, dtype=np.int32)
     none = np.zeros((0, n))
-    z, _, flag, _ = daqp.solve(dense(A), q, none, *bounds, is_avi=True)
+    z, _, flag, _ = daqp.solve(qps.dense(A), q, none, *bounds, is_avi=True)
     return ("solved" if flag == 1 else f"flag {flag}"), z
 
 
@@ -151,7 +145,7 @@ SUITES = {
     "families": Suite(
         name="general-lcps", requests=requests, work=work, complete=complete,
         columns="family n seed solver | order success said residual runtime",
-        solvers=tuple(ASK), packages={"lemke": "namlcp", "quantecon": "quantecon"},
+        solvers=tuple(ASK), packages={"lemke": "namlcp"},
         late=Late(by="n", same=("family",), copied=False, times=LATES, words=LATE),
     ),
     "steps": Suite(

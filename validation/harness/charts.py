@@ -14,10 +14,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from validation.harness import tables
-from validation.harness.csv_files import Row
+from validation.harness.tables import Row
 
 mpl.use("Agg")
-
 
 WIDTH = 9.0  # [in]
 BLUE, CYAN, GREEN, PURPLE = "#4477AA", "#66CCEE", "#228833", "#AA3377"

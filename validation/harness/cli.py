@@ -2,7 +2,6 @@
 
 import argparse
 import os
-import sys
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -58,7 +57,3 @@ def begin(solvers: Iterable[str] = (), *more: str) -> list[str]:
     header = [*lines(solvers), *more]
     print("\n".join(header), flush=True)
     return header
-
-
-def script(name: str, *arguments: str) -> list[str]:
-    return [sys.executable, "-u", "-m", "validation", name, *arguments]

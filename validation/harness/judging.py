@@ -8,9 +8,9 @@ import scipy.sparse as sp
 from qpsolvers import Problem, Solution
 
 from validation.harness import timing
-from validation.harness.csv_files import Row
 from validation.harness.processes import Job, failure, raised
 from validation.harness.qps import parts
+from validation.harness.tables import Row
 
 RESIDUALS = ["primal_residual", "dual_residual", "duality_gap", "sign_violation"]
 
@@ -20,7 +20,7 @@ def said_by(solution: Solution) -> str:
     return str(extras.get("status", getattr(extras.get("info"), "status", "")))
 
 
-def largest(*arrays: np.ndarray) -> float:
+def largest(*arrays: Any) -> float:
     """Return the largest modulus of an entry, 0 of nothing."""
     return max((float(np.abs(a).max()) for a in arrays if a.size), default=0.0)
 
@@ -37,7 +37,10 @@ def sign_violation(problem: Problem, solution: Solution) -> float:
 
 
 def judge(problem: Problem, solution: Solution, eps: float) -> dict[str, Any]:
-    """Return found, residuals, success, a status in words; of ours also iterations."""
+    """Return found, residuals, success, a status in words; of ours also iterations.
+
+    `residual` is the worst of the residuals, infinite if one is no number.
+    """
     extras = solution.extras or {}
     row: dict[str, Any] = {"found": bool(solution.found)}
     row |= {key: extras[key] for key in ("iterations", "form") if key in extras}
@@ -47,9 +50,18 @@ def judge(problem: Problem, solution: Solution, eps: float) -> dict[str, Any]:
     others = solution.duality_gap(), sign_violation(problem, solution)
     errors = [float(error) for error in (*residuals, *others)]
     row |= zip(RESIDUALS, errors, strict=True)
-    row["success"] = all(error <= eps for error in errors)
+    row["residual"] = max(np.inf if np.isnan(error) else error for error in errors)
+    row["success"] = row["residual"] <= eps
     row["status"] = "solved" if row["success"] else "inaccurate"
     return row
+
+
+def summary(rows: list[Row]) -> Row:
+    """Return how many answers are right, what the first wrong one is, the residual."""
+    failed = [row["status"] for row in rows if not row["success"]]
+    found: Row = {"solved": len(rows) - len(failed)}
+    found["residual"] = max(row.get("residual", np.inf) for row in rows)
+    return found | {"status": failed[0] if failed else "solved"}
 
 
 def timed(

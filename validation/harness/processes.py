@@ -8,8 +8,8 @@ from collections.abc import Callable
 from multiprocessing.connection import Connection
 from typing import Any, NamedTuple
 
-from validation.harness.csv_files import Row
-from validation.harness.quiet import wait_until_quiet
+from validation.harness.machine import wait_until_quiet
+from validation.harness.tables import Row
 
 GRACE = 2.0  # [s] on top of the time limit before a child process is ended
 LOADING = 120.0  # [s] to read a problem, warm up and, once, compile
@@ -71,8 +71,7 @@ class Bench:
         context = mp.get_context("spawn")
         self.pipe, child_end = context.Pipe()
         arguments = (child_end, self.work, self.solver, self.data)
-        process = context.Process(target=serve, args=arguments, daemon=True)
-        self.process: Any = process
+        self.process: Any = context.Process(target=serve, args=arguments, daemon=True)
         self.process.start()
         child_end.close()
 

@@ -51,6 +51,9 @@ def sparse(problem: Problem) -> Problem:
     return Problem(*(sp.csc_matrix(v) if np.ndim(v) == 2 else v for v in arrays))
 
 
+def dense(M: Any) -> Any:
+    return M.toarray() if sp.issparse(M) else M
+
+
 def filled(problem: Problem) -> Problem:
-    arrays = problem.unpack()
-    return Problem(*(v.toarray() if sp.issparse(v) else v for v in arrays))
+    return Problem(*map(dense, problem.unpack()))

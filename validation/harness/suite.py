@@ -17,9 +17,9 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from validation.harness import cli, csv_files, machine, tables
-from validation.harness.csv_files import Growing, Row
+from validation.harness import cli, machine, tables
 from validation.harness.processes import LATE, OURS, Bench, Work
+from validation.harness.tables import Growing, Row
 
 PEER_TIMES, PEER_LEAST = 10.0, 1.0  # times of namlcp's, [s]: see `limit_beside`
 SHOWN = 12  # columns that are printed
@@ -43,6 +43,12 @@ class Late(NamedTuple):
     def hardness(self, row: Row) -> float:
         value = float(row[self.by])
         return -value if self.by == "eps" else value
+
+    def alike(self, row: Row) -> tuple[str, ...]:
+        return row["solver"], *(str(row[name]) for name in self.same)
+
+
+NEVER_LATE = Late(same=(), words=frozenset())
 
 
 def solved(row: Row) -> bool:
@@ -84,33 +90,20 @@ class Suite:
     quick: dict[str, Any] = field(default_factory=dict)
     complete: Callable[[Row], Row] | None = None
     conclude: Callable[[list[Row]], list[Row]] | None = None
-    late: Late | None = None
+    late: Late = NEVER_LATE
     needs_data: bool = False
     beside: bool = False
     alone: bool = False
     success: Callable[[Row], bool] = solved
     plot: Callable[[Path, Path], None] | None = None  # from a CSV file into a folder
 
-    @property
-    def keys(self) -> list[str]:
-        return self.columns.partition("|")[0].split()
-
     def main(self, arguments: list[str] | None = None) -> int:
-        args = self.parsed(arguments)
-        if args.task == "plot" and self.plot is not None:
-            self.plot(args.csv, args.figures)
-            return 0
-        return self.run(args)
-
-    def parsed(self, arguments: list[str] | None) -> Args:
         doc = sys.modules[self.requests.__module__].__doc__
-        parser = cli.parser(doc, "quick", "go-on", "csv", "figures")
+        parser = cli.parser(doc, "data", "quick", "go-on", "csv", "figures", limit=None)
         tasks = ["run", *["plot"] * bool(self.plot)]
         parser.add_argument("task", nargs="?", choices=tasks, default="run")
-        parser.add_argument("--data", type=Path, help="the data folder")
         parser.add_argument("--solvers", nargs="+", choices=self.solvers)
         parser.add_argument("--eps", nargs="+", type=float, help="tolerances")
-        parser.add_argument("--limit", type=float, help="[s] a request")
         parser.add_argument("--only", nargs="+", help="names of sets or problems")
         args = parser.parse_args(arguments)
         if self.needs_data and args.task == "run" and args.data is None:
@@ -121,7 +114,10 @@ class Suite:
                 setattr(args, name, value)
         stem = self.name + "-quick" * args.quick
         args.csv = args.csv or cli.RESULTS / f"{stem}.csv"
-        return args
+        if args.task == "run":
+            return self.run(args)
+        self.plot(args.csv, args.figures)
+        return 0
 
     def run(self, args: Args) -> int:
         """Measure what the file does not have yet; return MISSING if data are."""
@@ -133,9 +129,9 @@ class Suite:
             *([f"not installed: {', '.join(missing)}"] if missing else []),
             f"limit: {args.limit:g} s",
         )
-        columns = self.columns.replace("|", " ").split()
+        keys, others = (part.split() for part in self.columns.split("|"))
         with (
-            csv_files.growing(args.csv, header, columns, self.keys, args.go_on) as file,
+            tables.growing(args.csv, header, keys + others, keys, args.go_on) as file,
             ExitStack() as stack,
         ):
             try:
@@ -163,11 +159,11 @@ class Parts:
         header = cli.begin(self.packages)
         for part in args.parts:
             print(part, flush=True)
-            if part == "plot" and self.plot:
-                self.plot(args.results, args.figures)
-            else:
+            if part in self.rows:
                 rows = list(self.rows[part]())
-                csv_files.write(args.results / f"{part}.csv", header, rows)
+                tables.write(args.results / f"{part}.csv", header, rows)
+            else:
+                self.plot(args.results, args.figures)
         return 0
 
 
@@ -217,25 +213,18 @@ class Run:
     def problem(self, row: Row) -> tuple[str, ...]:
         return tuple(str(row[key]) for key in self.file.keys if key != "solver")
 
-    def alike(self, row: Row) -> tuple[str, ...]:
-        assert self.suite.late is not None
-        return row["solver"], *(str(row[name]) for name in self.suite.late.same)
-
     def note(self, row: Row) -> None:
-        said = row.get("status") or row.get("said")
-        if self.suite.late and said in self.suite.late.words:
-            self.late[self.alike(row)].append(row)
+        if (row.get("status") or row.get("said")) in self.suite.late.words:
+            self.late[self.suite.late.alike(row)].append(row)
         if self.suite.beside and is_ours(row["solver"]) and self.suite.success(row):
             self.ours[self.problem(row)].append(float(row["runtime"]))
 
     def answer(self, request: Row) -> Row | None:
-        suite, solver = self.suite, request["solver"]
-        if suite.late:
-            asked = suite.late.hardness(request)
-            known = self.late[self.alike(request)]
-            late = [row for row in known if suite.late.hardness(row) <= asked]
-            if len(late) >= suite.late.times:
-                return late[-1] | request if suite.late.copied else None
+        suite, solver, late = self.suite, request["solver"], self.suite.late
+        known = self.late[late.alike(request)]
+        known = [r for r in known if late.hardness(r) <= late.hardness(request)]
+        if len(known) >= late.times:
+            return known[-1] | request if late.copied else None
         child = self.child(solver)
         child.limit = self.args.limit
         if not is_ours(solver):
@@ -243,10 +232,8 @@ class Run:
             if suite.beside:
                 ours = self.ours[self.problem(request)]
                 child.limit = limit_beside(ours, child.limit)
-        if "ask" in request:
-            return request | child.ask(*request["ask"])
-        names = [key for key in self.file.keys if key != "solver"]
-        return request | child.ask(*(request[name] for name in names))
+        values = [request[key] for key in self.file.keys if key != "solver"]
+        return request | child.ask(*request.get("ask", values))
 
     def child(self, solver: str) -> Bench:
         if self.suite.alone and solver in self.children:

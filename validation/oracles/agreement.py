@@ -8,24 +8,99 @@ none:
   size; of a nonsymmetric LCP, which has none, the relative natural residual, to 1e-8;
 - z (where it is unique) and w (by the solver's own multipliers): the largest
   difference from NAM, over 1 + the largest entry of NAM's, to 1e-6.
+
+The oracles: symmetric A: min 1/2 z'Az + q'z, lower <= z <= upper, by OSQP and Clarabel.
+Other A with z >= lower and A + A' semidefinite: min (z - lower)'(Az + q), Az + q >= 0,
+z >= lower, whose minimum is 0, by Clarabel. Any A with z >= lower, small: Lemke's
+method of quantecon.
 """
 
-from collections.abc import Iterator
-from functools import cache
-from typing import Any
+from collections.abc import Callable, Iterator
+from functools import cache, partial
+from typing import Any, NamedTuple
 
 import numpy as np
+import scipy.sparse as sp
+from qpsolvers import Problem
 
-from namlcp import natural_residual
-from validation.harness import Job, Row
+from namlcp import natural_residual, solve_lcp
+from validation.harness import Job, Row, judging, qp_solvers
 from validation.harness.suite import Args, Suite
 from validation.oracles.scenes import Scene, objective, scenes
-from validation.oracles.solvers import ORACLES, Answer, is_symmetric
 from validation.problems.known_scenes import BoxLCP, dam
 
+EPS = 1e-10
+LEMKE = 200  # largest n for Lemke's method
+SEMIDEFINITE = 1000  # largest n whose eigenvalues are looked at
 AGREED = 1e-8  # relative, of objectives and residuals
 NEAR = 1e-6  # of z and w, relative to 1 + their largest entry
 QUICK_SIZE = 2500  # unknowns at most
+
+
+class Answer(NamedTuple):
+    """z, w by the solver's multipliers, and what it says; z None: nothing."""
+
+    z: np.ndarray | None
+    w: np.ndarray | None
+    said: str
+
+
+def is_symmetric(A: Any) -> bool:
+    return bool(abs(A - A.T).max() <= 1e-12 * abs(A).max())
+
+
+def is_monotone(scene: BoxLCP) -> bool:
+    """Tell whether z >= lower alone, and A + A' is small and semidefinite."""
+    if scene.q.size > SEMIDEFINITE or np.isfinite(scene.upper).any():
+        return False
+    A = sp.csc_matrix(scene.A).toarray()
+    return bool(np.linalg.eigvalsh(A + A.T)[0] >= -1e-12 * np.abs(A).max())
+
+
+def nam(scene: BoxLCP, limit: float) -> Answer:
+    found = solve_lcp(*scene, time_limit=limit)
+    return Answer(found.z, found.w, found.status.value)
+
+
+def by_qp(scene: BoxLCP, limit: float, solver: str) -> Answer | None:
+    """Solve the QP of a scene; OSQP takes minutes where A is not symmetric."""
+    A, q, lower, upper = scene
+    A, symmetric = sp.csc_matrix(A), is_symmetric(A)
+    if symmetric:
+        problem = Problem(A, q, lb=lower, ub=upper)
+    elif solver == "clarabel" and is_monotone(scene):
+        P = sp.csc_matrix(A + A.T)
+        problem = Problem(P, q - A.T @ lower, sp.csc_matrix(-A), q, lb=lower)
+    else:
+        return None
+    settings = qp_solvers.settings(solver, EPS, limit)
+    found = qp_solvers.solve(problem, solver, **settings)
+    said = "solved" if found.found else judging.said_by(found)
+    if found.x is None:
+        return Answer(None, None, said)
+    return Answer(found.x, -found.z_box if symmetric else A @ found.x + q, said)
+
+
+def lemke(scene: BoxLCP, limit: float) -> Answer | None:
+    if scene.q.size > LEMKE or np.isfinite(scene.upper).any():
+        return None
+    from quantecon.optimize import lcp_lemke
+
+    A = np.ascontiguousarray(sp.csc_matrix(scene.A).toarray())
+    q = scene.q + A @ scene.lower
+    found = lcp_lemke(A, q)
+    if not found.success:
+        return Answer(None, None, f"status {found.status}")
+    return Answer(scene.lower + found.z, A @ found.z + q, "solved")
+
+
+ORACLES: dict[str, tuple[str, Callable[[BoxLCP, float], Answer | None]]] = {
+    "nam": ("namlcp", nam),
+    "osqp": ("osqp", partial(by_qp, solver="osqp")),
+    "clarabel": ("clarabel", partial(by_qp, solver="clarabel")),
+    "lemke": ("quantecon", lemke),
+}
+"""Package and call of every solver; a call returns None where it does not apply."""
 
 
 @cache
@@ -61,8 +136,8 @@ def residual_of(scene: BoxLCP, z: np.ndarray | None) -> float:
     """Return the natural residual relative to that of z = 0 clipped."""
     if z is None or not np.isfinite(z).all():
         return np.inf
-    start = np.clip(np.zeros_like(z), scene.lower, scene.upper)
     sides = scene.lower, scene.upper
+    start = np.clip(np.zeros_like(z), *sides)
     first = natural_residual(start, scene.A @ start + scene.q, *sides)
     return natural_residual(z, scene.A @ z + scene.q, *sides) / max(first, 1e-300)
 

@@ -15,7 +15,6 @@ import numpy as np
 
 from validation.problems import contact_scenes, data_sets, hertz, sweep_scenes
 from validation.problems import known_scenes as known
-from validation.problems.classics import disc_pile
 from validation.problems.known_scenes import BoxLCP
 
 
@@ -155,7 +154,9 @@ SCENES: dict[str, Scene] = {
     "brick wall, 200 contacts": Scene(
         lambda: contact_scenes.brick_wall(200), unique=False
     ),
-    "wedge, 16 rows": Scene(lambda: known.nonnegative(*disc_pile(16)), unique=False),
+    "wedge, 16 rows": Scene(
+        lambda: known.nonnegative(*contact_scenes.disc_pile(16)), unique=False
+    ),
     "full heap, 2000 contacts": Scene(
         lambda: contact_scenes.heap(2000, sideways=True), unique=False
     ),

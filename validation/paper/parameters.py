@@ -27,14 +27,11 @@ from namlcp.limits import Limits
 from validation.harness import Job, Row
 from validation.harness.suite import Args, Suite
 from validation.problems import data_sets, known_scenes, sweep_scenes
-from validation.problems.classics import forced_obstacle
 
 EPS_REL = 1e-6  # of Res(0)
 WANTED = 1.3  # sweeps over those of the best point, at most
 BETA = 1.0  # of maor and namaor
 DELTAS = (4.0, 1.0, 0.0)
-
-
 M = 40  # nodes on a side of the scenes
 ALPHAS = (*(0.1 * k for k in range(2, 20)), 1.95)
 CS = (0.001, 0.003, *np.geomspace(0.01, 10.0, 25))
@@ -46,7 +43,7 @@ def scenes(data: Path) -> dict[str, known_scenes.BoxLCP]:
         f"Example {k}, delta = {delta:g}": sweep_scenes.paper_example(k, M, delta)
         for k, delta in itertools.product((1, 2), DELTAS)
     }
-    found["obstacle"] = sweep_scenes.halfline(*forced_obstacle(M))
+    found["obstacle"] = known_scenes.obstacle(M)
     for name in ("fcp2d_367", "capsules_286", "granular2d_2020", "kaplas_570"):
         found[name] = sweep_scenes.contact(data, name)
     X, y = data_sets.heart_scale(data)

@@ -26,11 +26,11 @@ infeasible
 
 import time
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from qpsolvers import Problem, Solution
@@ -48,71 +48,56 @@ SETS = ("mpc", "contact", "small", "strict")
 SEEDS = 40  # of each random family
 
 
-def measure(
-    job: Job, problem_set: str, name: str, eps: float, load: Any = data_sets.load
-) -> Row:
-    """Time a solver on load(data, set, name) and judge its first answer."""
+def load(data: Path, problem_set: str, name: str) -> Problem:
+    """Return a problem of a class, a random family or a collection, perhaps changed."""
+    if problem_set in osqp_classes.CLASSES:
+        return osqp_classes.generate(problem_set, name)
+    if problem_set in draw.FAMILIES:
+        rng = np.random.default_rng(int(name))
+        return draw.random_qp(rng, draw.FAMILIES[problem_set])
+    if problem_set not in draw.CHANGES:
+        return data_sets.load(data, problem_set, name)
+    seed = int.from_bytes(name.encode(), "big") % 2**32  # the same in every run
+    problem = data_sets.maros_problem(data, name, dense=False)
+    return draw.CHANGES[problem_set](problem, np.random.default_rng(seed))
+
+
+def names_of(data: Path, problem_set: str) -> list[str]:
+    if problem_set in osqp_classes.CLASSES:
+        return [str(size) for size in osqp_classes.CLASSES[problem_set].sizes]
+    if problem_set in draw.FAMILIES:
+        return [str(seed) for seed in range(SEEDS)]
+    changed = problem_set in draw.CHANGES
+    return data_sets.set_names(data, "all" if changed else problem_set)
+
+
+def measure(job: Job, problem_set: str, name: str, eps: float) -> Row:
+    """Time a solver on a problem and judge its first answer.
+
+    To call infeasible what HiGHS calls infeasible too, after noise, is a success.
+    """
     problem = load(job.data, problem_set, name)
     settings = qp_solvers.settings(job.solver, eps, job.limit)
     for tiny in qps.tiny_problems(problem):
-        try:
+        with suppress(Exception):  # what the solver refuses cannot warm it up
             qp_solvers.solve(tiny, job.solver, **settings)
-        except Exception:  # what the solver refuses cannot warm it up
-            continue
     call = lambda: qp_solvers.solve(problem, job.solver, **settings)  # noqa: E731
-    return judging.timed(job, call, partial(judging.judge, problem, eps=eps))
-
-
-def load_changed(data: Path, kind: str, name: str) -> Problem:
-    """Return the problem of a family and seed, or a changed Maros-Meszaros problem."""
-    if kind in draw.FAMILIES:
-        return draw.random_qp(np.random.default_rng(int(name)), draw.FAMILIES[kind])
-    seed = int.from_bytes(name.encode(), "big") % 2**32  # the same in every run
-    problem = data_sets.maros_problem(data, name, dense=False)
-    return draw.CHANGES[kind](problem, np.random.default_rng(seed))
-
-
-def measure_changed(job: Job, kind: str, name: str, eps: float) -> Row:
-    """Measure; calling infeasible what HiGHS calls infeasible too is a success."""
-    row = measure(job, kind, name, eps, load_changed)
-    if kind == "noise" and "infeasible" in row["status"]:
-        changed = load_changed(job.data, kind, name)
-        if infeasible_cases.is_feasible(changed) is False:
+    row = judging.timed(job, call, partial(judging.judge, problem, eps=eps))
+    if problem_set in osqp_classes.CLASSES:
+        entries = osqp_classes.entries(problem)
+        row |= {"variables": problem.q.size, "entries": entries}
+    if problem_set == "noise" and "infeasible" in row["status"]:
+        if infeasible_cases.is_feasible(problem) is False:
             row |= {"success": True, "status": "infeasible, as HiGHS says"}
     return row
 
 
-def of_sets(args: Args) -> Iterator[Row]:
-    for problem_set in SETS:
-        names = data_sets.set_names(args.data, problem_set)
+def of_sets(args: Args, sets: Iterable[str]) -> Iterator[Row]:
+    for problem_set in sets:
+        names = names_of(args.data, problem_set)
         for eps, name in product(sorted(args.eps, reverse=True), names):
-            yield {"set": problem_set, "problem": name, "eps": eps}
-
-
-def of_collection(args: Args) -> Iterator[Row]:
-    names = data_sets.set_names(args.data, "all")
-    for eps, name in product(sorted(args.eps, reverse=True), names):
-        yield {"limit": args.limit, "set": "all", "problem": name, "eps": eps}
-
-
-def of_classes(args: Args) -> Iterator[Row]:
-    for name, own in osqp_classes.CLASSES.items():
-        for size in own.sizes:
-            for eps in args.eps:
-                yield {"set": name, "problem": str(size), "eps": eps}
-
-
-def measure_class(job: Job, name: str, size: str, eps: float) -> Row:
-    problem = osqp_classes.generate(name, size)
-    about = {"variables": problem.q.size, "entries": osqp_classes.entries(problem)}
-    return about | measure(job, name, size, eps, lambda *_: problem)
-
-
-def of_kinds(kinds: Iterable[str], names: Iterable[str], args: Args) -> Iterator[Row]:
-    chosen = list(names)
-    for kind, solver, eps in product(kinds, args.solvers, args.eps):
-        for name in chosen:
-            yield {"set": kind, "problem": name, "solver": solver, "eps": eps}
+            key = {"set": problem_set, "problem": name, "eps": eps}
+            yield key | {"limit": args.limit}
 
 
 RIGHT = {  # of other truths what says the same
@@ -156,38 +141,34 @@ def complete(row: Row) -> Row:
 
 
 SUITE = Suite(
-    name="benchmark", requests=of_sets, work=measure, columns=COLUMNS,
-    solvers=("nam", "piqp", "daqp", "clarabel", "osqp", "qtqp"),
+    name="benchmark", requests=lambda args: of_sets(args, SETS), work=measure,
+    columns=COLUMNS, solvers=("nam", "piqp", "daqp", "clarabel", "osqp", "qtqp"),
     tolerances=(1e-6, 1e-9), late=Late(), needs_data=True,
 )  # fmt: skip
 FAMILIES = replace(
     SUITE, name="generalisation-families",
-    requests=lambda args: of_kinds(draw.FAMILIES, map(str, range(SEEDS)), args),
-    work=measure_changed, solvers=("nam", "piqp", "clarabel"), tolerances=(1e-6,),
-    needs_data=False,
+    requests=lambda args: of_sets(args, draw.FAMILIES),
+    solvers=("nam", "piqp", "clarabel"), tolerances=(1e-6,), needs_data=False,
 )  # fmt: skip
 SUITES = {
     "sets": SUITE,
     "maros-meszaros": replace(
-        SUITE, name="maros-meszaros", requests=of_collection,
+        SUITE, name="maros-meszaros", requests=lambda args: of_sets(args, ("all",)),
         columns=f"{COLUMNS} limit",
         solvers=("nam", "piqp", "clarabel", "proxqp", "osqp"),
         tolerances=(1e-3, 1e-6, 1e-9),
     ),
     "classes": replace(
-        SUITE, name="classes", requests=of_classes, work=measure_class,
+        FAMILIES, name="classes",
+        requests=lambda args: of_sets(args, osqp_classes.CLASSES),
         columns=f"{COLUMNS} variables entries",
-        solvers=tuple("nam piqp clarabel osqp proxqp qtqp".split()),
-        tolerances=(1e-6,), late=Late(by="problem", same=("set",)), beside=True,
-        needs_data=False,
+        solvers=("nam", "piqp", "clarabel", "osqp", "proxqp", "qtqp"),
+        late=Late(by="problem", same=("set",)), beside=True,
     ),
     "families": FAMILIES,
     "changes": replace(
         FAMILIES, name="generalisation",
-        requests=lambda args: of_kinds(
-            draw.CHANGES, data_sets.set_names(args.data, "all"), args
-        ),
-        needs_data=True,
+        requests=lambda args: of_sets(args, draw.CHANGES), needs_data=True,
     ),
     "infeasible": Suite(
         name="infeasible", requests=of_infeasible, work=said_of, complete=complete,

@@ -34,7 +34,7 @@ def lcp(A: Any, **options: Any) -> Any:
 
 def obstacle() -> Any:
     import namlcp
-    from validation.problems.classics import forced_obstacle
+    from validation.problems.known_scenes import forced_obstacle
 
     return namlcp.solve_lcp(*forced_obstacle(110))
 

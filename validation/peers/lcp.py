@@ -20,6 +20,7 @@ import qpsolvers
 import scipy.sparse as sp
 from scipy.sparse.linalg import LinearOperator
 
+from namlcp import solve_lcp
 from validation.harness import Job, Row, judging, qp_solvers, timing
 from validation.harness.suite import Suite
 from validation.problems import data_sets, hertz, sweep_scenes
@@ -33,10 +34,8 @@ def solved(job: Job, A: sp.csr_array, q: np.ndarray, **given: float) -> np.ndarr
 
     OSQP's duality gap is not tested: of terms of 10^7 rounding alone is 1e-8.
     """
-    import namlcp
-
     if job.solver == "nam":
-        return namlcp.solve_lcp(A, q, **given).z
+        return solve_lcp(A, q, **given).z
     eps = {"piqp": 1e-9, "osqp": 1e-8}[job.solver]
     settings = qp_solvers.settings(job.solver, eps, job.limit)
     settings |= {"check_dualgap": False} if job.solver == "osqp" else {}
@@ -73,8 +72,6 @@ def example1(job: Job) -> Row:
 
 
 def without_matrix(_: Job, cells: int) -> Row:
-    import namlcp
-
     problem, products = hertz.hertz(cells), 0
 
     def product(p: np.ndarray) -> np.ndarray:
@@ -84,7 +81,7 @@ def without_matrix(_: Job, cells: int) -> Row:
 
     A = LinearOperator(problem.A.shape, matvec=product, dtype=np.float64)
     start = time.perf_counter()
-    result = namlcp.solve_lcp(A, problem.q, diagonal=problem.diagonal)
+    result = solve_lcp(A, problem.q, diagonal=problem.diagonal)
     row = {"seconds": time.perf_counter() - start, "status": result.status.value}
     row |= {"products": products, "residual": result.residual}
     return row | hertz.measured(problem, result.z)

@@ -13,6 +13,7 @@ problems of the data folder are left out.
 
 import math
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from functools import cache, lru_cache, partial
 from pathlib import Path
 from typing import Any
@@ -26,19 +27,10 @@ from matplotlib.ticker import LogLocator
 from qpsolvers import Problem, Solution
 from scipy.sparse.linalg import splu
 
-from namlcp import natural_residual
-from validation.harness import (
-    Job,
-    Row,
-    charts,
-    csv_files,
-    judging,
-    processes,
-    qp_solvers,
-    qps,
-    tables,
-)
-from validation.harness.suite import Args, Late, Suite
+from namlcp import natural_residual, solve_lcp
+from namlcp.lcp import SWEEPS
+from validation.harness import Job, Row, charts, judging, qp_solvers, qps, tables
+from validation.harness.suite import Args, Late, Suite, is_ours
 from validation.problems import families
 
 DENSE = ("daqp", "quadprog")  # solvers that fill P
@@ -47,14 +39,16 @@ OURS = ("nam", "sweep auto")
 MISS = 10.0  # a residual of so many tolerances
 
 
-def sweep_call(
-    task: families.Task, name: str, eps: float, limit: float
+def solver_call(
+    task: families.Task, solver: str, eps: float, limit: float
 ) -> Callable[[], Any]:
-    """Return the call of a named method on the LCP, its parameters chosen by itself."""
-    from namlcp import solve_lcp
-    from namlcp.lcp import SWEEPS
-
-    P, q = task.problem.P, task.problem.q
+    """Return the call of a solver; of a sweep on the LCP, with its own parameters."""
+    kind, _, name = solver.rpartition(" ")
+    P, q, *_, lower, upper = task.problem.unpack()
+    if kind != "sweep":
+        settings = qp_solvers.settings(solver, eps, limit)
+        problem = qps.filled(task.problem) if solver in DENSE else task.problem
+        return lambda: qp_solvers.solve(problem, solver, **settings)
     A = sp.csr_array(P) if sp.issparse(P) else P
     free = {"omega"} if name == "modified-nam" else {"alpha", "omega"}
     takes = SWEEPS[name].takes if name in SWEEPS else ()
@@ -62,41 +56,23 @@ def sweep_call(
     if task.s0 is not None and name in SWEEPS:
         given["s0"] = task.s0
     given |= {"eps_abs": eps, "time_limit": limit}
-    lower, upper = task.problem.lb, task.problem.ub
     return lambda: solve_lcp(A, q, lower, upper, method=name, **given)
-
-
-def solver_call(
-    task: families.Task, solver: str, eps: float, limit: float
-) -> Callable[[], Any]:
-    kind, _, name = solver.rpartition(" ")
-    if kind == "sweep":
-        return sweep_call(task, name, eps, limit)
-    settings = qp_solvers.settings(solver, eps, limit)
-    problem = qps.filled(task.problem) if solver in DENSE else task.problem
-    return lambda: qp_solvers.solve(problem, solver, **settings)
 
 
 def judged(task: families.Task, answer: Any, eps: float) -> Row:
     """Return the point and its residual, whatever the solver says of it."""
+    problem = task.problem
     if isinstance(answer, Solution):
-        found = Solution(task.problem, found=True, x=answer.x)
-        if answer.x is None or not np.all(np.isfinite(answer.x)):
-            return judging.judge(task.problem, answer, eps)
-        found.y, found.z, found.z_box = answer.y, answer.z, answer.z_box
-        row = judging.judge(task.problem, found, eps)
-        worst = max(np.nan_to_num(row[name], nan=np.inf) for name in judging.RESIDUALS)
-        point, status, residual = answer.x, row["status"], float(worst)
-    else:
-        problem, point, status = task.problem, answer.z, answer.status.value
-        w = problem.P @ point + problem.q
-        residual = natural_residual(point, w, problem.lb, problem.ub)
-    return {"residual": residual, "status": status, "point": point}
+        answer.problem = problem
+        answer.found = answer.x is not None and bool(np.isfinite(answer.x).all())
+        row = judging.judge(problem, answer, eps)
+        return row | {"point": answer.x if answer.found else None}
+    z = answer.z
+    residual = natural_residual(z, problem.P @ z + problem.q, problem.lb, problem.ub)
+    return {"residual": residual, "status": answer.status.value, "point": z}
 
 
-@cache
-def known_families(data: Path | None) -> dict[str, families.Family]:
-    return families.families(data)
+known_families = cache(families.families)
 
 
 @lru_cache(maxsize=1)
@@ -105,19 +81,15 @@ def task_of(data: Path | None, family: str, name: str) -> families.Task:
 
 
 def measure(job: Job, family: str, name: str, eps: float) -> Row:
-    import namlcp  # noqa: F401
-
     task = task_of(job.data, family, name)
     n = task.problem.q.size
     if job.solver in DENSE and n > DENSE_MOST:
-        return {"n": n} | processes.failure(f"too slow: dense, n > {DENSE_MOST}")
+        return {"n": n, "status": f"too slow: dense, n > {DENSE_MOST}"}
     # tiny ones of its kind load what is needed; ours chooses a method by the size, too
     tiny = [families.Task(problem) for problem in qps.tiny_problems(task.problem)]
     for other in [*tiny, task] if job.solver in OURS else tiny:
-        try:
+        with suppress(Exception):  # what the solver refuses cannot warm it up
             solver_call(other, job.solver, eps, job.limit)()
-        except Exception:  # what the solver refuses cannot warm it up
-            continue
     call = solver_call(task, job.solver, eps, job.limit)
     return {"n": n} | judging.timed(job, call, partial(judged, task, eps=eps))
 
@@ -128,20 +100,22 @@ def solution_of(data: Path | None, family: str, name: str) -> np.ndarray | None:
     task = task_of(data, family, name)
     if task.exact is not None:
         return task.exact
-    import namlcp  # noqa: F401
-
     return reference(task.problem, qpsolvers.solve_problem(task.problem, solver="nam"))
 
 
 def complete(row: Row) -> Row:
-    residual = csv_files.number(row.get("residual"))
+    residual = tables.number(row.get("residual"))
     point, about = row.pop("point", None), (row["data"], row["family"], row["problem"])
     late = row["status"].startswith("too slow")
     row["missed"], row["error"] = late or not residual <= MISS * row["eps"], None
     if point is not None:
         unique = known_families(row["data"])[row["family"]].distance
         exact = solution_of(*about) if unique else None
-        row["error"] = residual if exact is None else distance(point, exact)
+        if exact is None:
+            row["error"] = residual
+        else:
+            size = max(np.abs(exact).max(), 1e-300)
+            row["error"] = float(np.abs(point - exact).max() / size)
     return row
 
 
@@ -183,23 +157,19 @@ def strictly_convex(P: Any) -> bool:
     return bool(factors.U.diagonal().min() > STRICT)
 
 
-def stacked(problem: Problem) -> tuple[sp.csr_array, np.ndarray, int]:
-    """Return C, d and p: C x = d in the first p rows (of A), C x <= d below."""
+def stacked(
+    problem: Problem, solution: Solution
+) -> tuple[sp.csr_array, np.ndarray, np.ndarray, int]:
+    """Return C, d, multipliers and p: C x = d in the first p rows, C x <= d below."""
     _, q, G, h, A, b, lb, ub = qps.parts(problem)
     eye = sp.csr_array(sp.eye_array(q.size, format="csr"))
     up, low = np.isfinite(ub), np.isfinite(lb)
     C = sp.vstack([sp.csr_array(A), sp.csr_array(G), eye[up], -eye[low]])
-    return sp.csr_array(C), np.concatenate([b, h, ub[up], -lb[low]]), b.size
-
-
-def multipliers(problem: Problem, solution: Solution) -> np.ndarray:
-    parts = [np.zeros(0)]
-    parts += [solution.y] if problem.A is not None else []
-    parts += [solution.z] if problem.G is not None else []
-    for sign, bound in ((1.0, problem.ub), (-1.0, problem.lb)):
-        if bound is not None:
-            parts.append(np.maximum(sign * solution.z_box[np.isfinite(bound)], 0.0))
-    return np.concatenate(parts)
+    y, z = judging.filled(solution.y, b.size), judging.filled(solution.z, h.size)
+    z_box = judging.filled(solution.z_box, q.size)
+    v = [y, z, np.maximum(z_box[up], 0.0), np.maximum(-z_box[low], 0.0)]
+    d = np.concatenate([b, h, ub[up], -lb[low]])
+    return sp.csr_array(C), d, np.concatenate(v), b.size
 
 
 def reference(problem: Problem, solution: Solution) -> np.ndarray | None:
@@ -209,9 +179,8 @@ def reference(problem: Problem, solution: Solution) -> np.ndarray | None:
     """
     if solution.x is None or not strictly_convex(problem.P):
         return None
-    C, d, p = stacked(problem)
-    slack = d - C @ solution.x
-    active = multipliers(problem, solution) > slack
+    C, d, multipliers, p = stacked(problem, solution)
+    active = multipliers > d - C @ solution.x
     active[:p] = True
     P = sp.csr_array(problem.P)
     B, side = C[active], d[active]
@@ -236,10 +205,6 @@ def reference(problem: Problem, solution: Solution) -> np.ndarray | None:
     return x.astype(float) if right_signs and solved else None
 
 
-def distance(x: np.ndarray, exact: np.ndarray) -> float:
-    return float(np.abs(x - exact).max() / max(np.abs(exact).max(), 1e-300))
-
-
 # ---- the chart
 
 TITLES = {
@@ -258,7 +223,7 @@ NAMED_SWEEPS = ("sweep pgs", "sweep namsor", "sweep modulus", "sweep lemke")
 
 def summary(file: Path) -> list[Row]:
     """Return quartiles of time and error, by family, solver and tolerance."""
-    rows = csv_files.read(file)
+    rows = tables.read(file)
     found = []
     for family, solver, eps in tables.distinct(rows, "family", "solver", "eps"):
         own = tables.chosen(rows, family=family, solver=solver, eps=eps)
@@ -277,12 +242,9 @@ def named(rows: list[Row], family: str) -> list[str]:
     if family == "paper":
         return ["sweep auto", *NAMED_SWEEPS]
     least = min(abs(math.log(row["eps"] / RANKED_AT)) for row in rows)
-    others = [row for row in rows if row["solver"].split()[0] not in ("nam", "sweep")]
-    ranked = sorted(
-        (row["time"][1], row["solver"])
-        for row in others
-        if abs(math.log(row["eps"] / RANKED_AT)) == least
-    )
+    near = [row for row in rows if abs(math.log(row["eps"] / RANKED_AT)) == least]
+    times = ((row["time"][1], row["solver"]) for row in near)
+    ranked = sorted(pair for pair in times if not is_ours(pair[1]))
     return ["nam", *(solver for _, solver in ranked[:NAMED])]
 
 
@@ -314,8 +276,7 @@ def draw_family(axes: Axes, rows: list[Row], coloured: list[str]) -> None:
         across = [max(row["error"][1], LEAST_ERROR) for row in done]
         low, middle, high = ([row["time"][k] for row in done] for k in range(3))
         if solver not in coloured:
-            if solver.startswith("sweep ") == (rows[0]["family"] == "paper"):
-                axes.plot(across, middle, color=charts.LIGHT, linewidth=1.0)
+            axes.plot(across, middle, color=charts.LIGHT, linewidth=1.0)
             continue
         name = "nam" if solver in OURS else solver.removeprefix("sweep ")
         style = charts.looks(name)

@@ -17,7 +17,7 @@ import scipy.sparse as sp
 from qpsolvers import Problem
 
 from namlcp.cli.files import mat_problem
-from validation.harness import MissingDataError, cli, csv_files
+from validation.harness import MissingDataError, cli, tables
 
 INFINITY = 9e19  # 1e20 in the collection, in places rounded to slightly less
 
@@ -76,7 +76,7 @@ def heart_scale(data: Path) -> tuple[np.ndarray, np.ndarray]:
 
 def maros_index(data: Path, problem_set: str) -> dict[str, dict[str, str]]:
     """Return the rows of index.csv that belong to a set, by problem name."""
-    index = csv_files.read(cli.require(data / "maros_meszaros" / "index.csv"))
+    index = tables.read(cli.require(data / "maros_meszaros" / "index.csv"))
     rows = {Path(row["file"]).stem: row for row in index}
     if problem_set == "all":
         return rows

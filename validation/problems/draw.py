@@ -1,4 +1,4 @@
-"""QPs and LCPs with a known solution: what all sets, and the tests, plant them with.
+"""QPs with a known solution: what all sets, and the tests, plant them with.
 
 `around` makes the QP that a point solves, `planted` one around a random point. The
 dials of a random QP are those of `Dials`; `definite` has a condition. CHANGES are what
@@ -46,14 +46,6 @@ def definite(rng: Rng, n: int, condition: float) -> Array:
     return 0.5 * (A + A.T)
 
 
-def pair(rng: Rng, n: int, both: float = 0.1) -> tuple[Array, Array]:
-    """Return complementary z and w, half of z positive, a share where both are 0."""
-    kind = rng.random(n)
-    z = rng.exponential(size=n) * (kind < 0.5)
-    w = rng.exponential(size=n) * (kind > 0.5 + both)
-    return z, w
-
-
 def planted(
     rng: Rng, P: Any, G: Any, A: Any, active: float, weak: float, box: float
 ) -> Problem:
@@ -83,14 +75,12 @@ def planted(
     return Problem(*around(P, G, A, (x, y, z, z_box), slack, below, above).qp)
 
 
-def definite_stack(
-    rng: Rng, n: int, m: int, items: int, active: float = 0.3
-) -> tuple[Array, Array, Array, Array]:
+def definite_stack(rng: Rng, n: int, m: int, items: int) -> tuple[Array, ...]:
     """Return P, q, G, h of dense QPs with definite P, stacked along the first axis."""
     B = rng.standard_normal((items, n, n))
     P = B.swapaxes(1, 2) @ B / n + 0.1 * np.eye(n)
     G, x = rng.standard_normal((items, m, n)), rng.standard_normal((items, n, 1))
-    on = rng.random((items, m, 1)) < active
+    on = rng.random((items, m, 1)) < 0.3
     slack, z = rng.exponential(size=(2, items, m, 1))
     h = G @ x + np.where(on, 0.0, slack)
     q = -(P @ x + G.swapaxes(1, 2) @ np.where(on, z, 0.0))
@@ -105,15 +95,10 @@ def entries(rng: Rng, rows: int, n: int, density: float) -> sp.csc_matrix:
     return sp.csc_matrix((rng.standard_normal(i.size), (i, j)), shape=(rows, n))
 
 
-def sizes(rng: Rng, largest: int) -> tuple[int, int, int]:
-    """Return n, m, p: log-uniform n from 5 on, as many rows up to twice, p < n."""
-    n = int(np.exp(rng.uniform(np.log(5), np.log(largest))))
-    return n, int(rng.integers(1, 2 * n + 1)), int(rng.integers(1, n // 2 + 1))
-
-
 class Dials(NamedTuple):
     """Of a random QP: the largest n, the rank of P over n (0: 0 to 3), what holds.
 
+    n is log-uniform from 5 on, with up to 2 n inequalities and n / 2 equalities.
     `units`: rows and columns are in units of 10^U(-units, units). `dependent`: a fifth
     of the rows is repeated, changed by 1e-3 to 1e-8. For the others see `planted`.
     """
@@ -139,7 +124,8 @@ FAMILIES = {
 
 
 def random_qp(rng: Rng, dials: Dials) -> Problem:
-    n, m, p = sizes(rng, dials.largest)
+    n = int(np.exp(rng.uniform(np.log(5), np.log(dials.largest))))
+    m, p = int(rng.integers(1, 2 * n + 1)), int(rng.integers(1, n // 2 + 1))
     density = 1.0 if dials.dense else min(1.0, 4.0 / n)
     rank = max(1, int(dials.rank * n)) if dials.rank else int(rng.integers(0, 4))
     B, G, A = (entries(rng, rows, n, density) for rows in (rank, m, p))
@@ -158,24 +144,21 @@ def repeated(rng: Rng, C: Any, density: float) -> Any:
     return sp.csc_matrix(sp.vstack([C, again]))
 
 
-def scaled(problem: Problem, D: Array, E: Array, F: Array) -> Problem:
-    """Return the problem for x/D, its inequalities times E, its equalities times F."""
-    P, q, G, h, A, b, lb, ub = problem.unpack()
-    d = sp.diags_array(D)
-    if G is not None:
-        G, h = sp.csc_matrix(sp.diags_array(E) @ G @ d), E * h
-    if A is not None:
-        A, b = sp.csc_matrix(sp.diags_array(F) @ A @ d), F * b
-    lb, ub = (None if v is None else v / D for v in (lb, ub))
-    return Problem(sp.csc_matrix(d @ P @ d), D * q, G, h, A, b, lb, ub)
-
-
 def rescaled(problem: Problem, rng: Rng, rows: float, columns: float) -> Problem:
-    """Return the problem in units of 10^U(-1, 1) to these powers."""
-    m = 0 if problem.h is None else problem.h.size
-    p = 0 if problem.b is None else problem.b.size
-    units = (columns, problem.q.size), (rows, m), (rows, p)
-    return scaled(problem, *(10.0 ** rng.uniform(-k, k, size) for k, size in units))
+    """Return the problem with columns times D, rows times E: 10^U(-1, 1) to powers."""
+    P, q, G, h, A, b, lb, ub = problem.unpack()
+    D = 10.0 ** rng.uniform(-columns, columns, q.size)
+    d = sp.diags_array(D)
+
+    def scaled(C: Any, side: Any) -> tuple[Any, Any]:
+        if C is None:
+            return None, None
+        E = 10.0 ** rng.uniform(-rows, rows, side.size)
+        return sp.csc_matrix(sp.diags_array(E) @ C @ d), E * side
+
+    constraints = *scaled(G, h), *scaled(A, b)
+    lb, ub = (None if v is None else v / D for v in (lb, ub))
+    return Problem(sp.csc_matrix(d @ P @ d), D * q, *constraints, lb, ub)
 
 
 def noisy(problem: Problem, rng: Rng, size: float = 1e-3) -> Problem:

@@ -18,8 +18,7 @@ from qpsolvers import Problem
 
 from validation.problems import data_sets, draw, osqp_classes, sequences
 from validation.problems import known_scenes as known
-from validation.problems.classics import disc_pile, preview_control
-from validation.problems.contact_scenes import brick_wall, heap
+from validation.problems.contact_scenes import brick_wall, disc_pile, heap
 from validation.problems.sweep_scenes import paper_example, paper_solution, paper_start
 
 PAPER_SIDES = (10, 30, 100)  # m of the paper's tables, with n = m^2 unknowns
@@ -49,16 +48,15 @@ class Family(NamedTuple):
 QUICK = 2  # problems of a family in the quick version, its first ones
 
 
-def boxed(scene: known.BoxLCP, exact: np.ndarray | None = None) -> Task:
+def boxed(scene: known.BoxLCP, *solution: np.ndarray) -> Task:
     A, q, lower, upper = scene
     P = A if isinstance(A, np.ndarray) else sp.csc_matrix(A)
-    return Task(Problem(P, q, lb=lower, ub=upper), exact)
+    return Task(Problem(P, q, lb=lower, ub=upper), *solution)
 
 
 def paper_task(number: int, delta: float, m: int) -> Task:
     """Return an example of the paper, z* = (1, 2, 1, 2, ...), from its start."""
-    task = boxed(paper_example(number, m, delta), paper_solution(m))
-    return task._replace(s0=paper_start(m))
+    return boxed(paper_example(number, m, delta), paper_solution(m), paper_start(m))
 
 
 def quadcopter(stages: int) -> Task:
@@ -66,6 +64,34 @@ def quadcopter(stages: int) -> Task:
     state = np.zeros(sequences.STATES)
     state[[3, sequences.HEIGHT]] = 1.0, 2.0  # where it is, x and z
     return Task(sequences.single(sequences.stagewise_definite, stages, state))
+
+
+def preview_control(steps: int) -> Task:
+    """Return a QP: a walking robot keeps its balance (linear model predictive control).
+
+    Point mass at height 0.8 m above alternating footsteps, state (position, velocity,
+    acceleration), jerks as unknowns, 0.1 s a step; the zero-moment point
+    position - 0.8/9.81 acceleration stays within 0.06 m of the support, and the state
+    ends at rest over the last support (Kajita et al., ICRA 2003; Wieber, Humanoids
+    2006).
+    """
+    T, height, gravity = 0.1, 0.8, 9.81
+    F = np.array([[1.0, T, T**2 / 2.0], [0.0, 1.0, T], [0.0, 0.0, 1.0]])
+    g = np.array([T**3 / 6.0, T**2 / 2.0, T])
+    rows = np.zeros((steps, 3, steps))
+    for k in range(steps):
+        if k:
+            rows[k] = F @ rows[k - 1]
+        rows[k, :, k] = g
+    zmp = rows[:, 0] - height / gravity * rows[:, 2]
+    support = np.where(np.arange(steps) // 8 % 2 == 0, 0.1, -0.1)
+    P = 1e-3 * np.eye(steps) + rows[:, 1].T @ rows[:, 1]
+    G = np.vstack((zmp, -zmp))
+    h = np.concatenate((support + 0.06, 0.06 - support))
+    start = 0.1 * np.ones(2 * steps)
+    start[steps:] = -0.1
+    end = np.array([support[-1] - 0.1, 0.0, 0.0])
+    return Task(Problem(P, np.zeros(steps), G, h - start, rows[-1], end))
 
 
 def linear_svm(points: int, features: int = 20) -> Task:
@@ -96,7 +122,8 @@ def families(data: Path | None) -> dict[str, Family]:
     """Return the families by name, with what the data folder has of them."""
     from namlcp.lcp import SWEEPS
 
-    X, y = known.svm_data(data)
+    heart = data is not None and (data / "svm" / "heart_scale").exists()
+    X, y = data_sets.heart_scale(data) if heart else known.two_clouds(270)
     classed = osqp_classes.generate
     sweeps = tuple(f"sweep {name}" for name in (*SWEEPS, "lemke"))
     examples = {
@@ -125,9 +152,9 @@ def families(data: Path | None) -> dict[str, Family]:
         }),
         "MPC": Family(True, {
             "point mass": lambda: boxed(known.input_bounded_mpc(100)),
-            "walk": lambda: Task(preview_control(24)),
+            "walk": partial(preview_control, 24),
             "point mass, long": lambda: boxed(known.input_bounded_mpc(200)),
-            "walk, long": lambda: Task(preview_control(40)),
+            "walk, long": partial(preview_control, 40),
             "sparse": partial(quadcopter, 60),
             "sparse, long": partial(quadcopter, 650),
         }),

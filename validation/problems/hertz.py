@@ -29,8 +29,7 @@ from scipy import fft
 from scipy.sparse.linalg import LinearOperator
 
 WIDTH = 3.0  # side of the square grid, in units of the exact contact radius
-
-DELTA = 1e-2
+DELTA = 1e-2  # how far the sphere comes down
 
 
 class Hertz(NamedTuple):

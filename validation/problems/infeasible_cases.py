@@ -64,17 +64,12 @@ def all_cases(data: Path | None, step: int) -> dict[str, Maker]:
     return makers
 
 
-def small_case(
-    group: str, truth: str, P: Any, q: Any = 0.0, lb: Any = None, ub: Any = None,
-    eps: float = 1e-6, **rows: Any,
-) -> Case:  # fmt: skip
+def small_case(group: str, truth: str, eps: float = 1e-6, **data: Any) -> Case:
     """Return a dense case; a number stands for a vector of it."""
-    P = np.array(P, dtype=float)
-    n = P.shape[0]
-    arrays = {key: np.array(value, dtype=float) for key, value in rows.items()}
-    bounds = [None if v is None else np.zeros(n) + v for v in (lb, ub)]
-    problem = Problem(P, np.zeros(n) + q, lb=bounds[0], ub=bounds[1], **arrays)
-    return Case(group, truth, problem, eps)
+    arrays = {k: np.array(v, dtype=float) for k, v in ({"q": 0.0} | data).items()}
+    n = len(arrays["P"])
+    whole = {k: v if v.ndim else np.full(n, v) for k, v in arrays.items()}
+    return Case(group, truth, Problem(**whole), eps)
 
 
 def random_rows(rng: np.random.Generator, rows: int, n: int, dense: bool) -> np.ndarray:
@@ -106,9 +101,7 @@ def random_feasible(
 
 
 def shaped(arrays: list[np.ndarray], dense: bool) -> Problem:
-    if dense:
-        return Problem(*arrays)
-    return Problem(*[sp.csc_matrix(M) if M.ndim == 2 else M for M in arrays])
+    return Problem(*arrays) if dense else qps.sparse(Problem(*arrays))
 
 
 def random_infeasible(seed: int, n: int, m: int, p: int, dense: bool) -> Case:
@@ -175,7 +168,6 @@ def linear_program(cost: np.ndarray, problem: Problem) -> Any:
 
 
 def fix_outside(problem: Problem) -> Problem | None:
-    """Hold one of the first variables beyond what the constraints allow."""
     P, q, G, h, A, b, lb, ub = qps.parts(problem)
     for j in range(min(q.size, 20)):
         cost, low, high = np.zeros(q.size), lb.copy(), ub.copy()
@@ -276,8 +268,14 @@ CHANGES: dict[str, Callable[[Problem], tuple[Problem | None, str | None]]] = {
 # ---- small ones: what they are made of, without P = I, q = 0 and what there is not
 
 I2, O2 = np.eye(2), np.zeros((2, 2))
-Entries = dict[str, dict[str, Any]]
-INFEASIBLE: Entries = {
+
+
+def small_cases(truth: str, group: str, entries: Any) -> dict[str, Maker]:
+    groups = {name: "nearly bounded" if "slope" in name else group for name in entries}
+    return {k: partial(small_case, groups[k], truth, **v) for k, v in entries.items()}
+
+
+SMALL = small_cases("infeasible", "small, infeasible", {
     "opposite rows": dict(P=I2, G=[[1, 1], [-2, -2]], h=[1, -4]),
     "opposite rows, cost in one corner": dict(
         P=np.diag([1, 0]), q=[0, 1], lb=0, G=[[1, 1], [-2, -2]], h=[1, -4],
@@ -307,9 +305,9 @@ INFEASIBLE: Entries = {
     ),
     "one unknown": dict(P=[[1]], G=[[1], [-1]], h=[-1, 0]),
     "rows of different size": dict(P=I2, G=[[1e6, 1e6], [-1, -1]], h=[1e6, -2]),
-}  # fmt: skip
+})  # fmt: skip
 
-UNBOUNDED: Entries = {
+SMALL |= small_cases("unbounded", "small, unbounded", {
     "no constraint, linear": dict(P=O2, q=[1, 0]),
     "no constraint, flat direction": dict(P=np.diag([1, 0]), q=[0, -1]),
     "no constraint, flat across": dict(P=[[1, -1], [-1, 1]], q=[-1, -1]),
@@ -329,18 +327,33 @@ UNBOUNDED: Entries = {
     "slope 1e-3": dict(P=np.diag([1, 0]), q=[1, -1e-3], lb=0),
     "slope 1e-5": dict(P=np.diag([1, 0]), q=[1, -1e-5], lb=0),
     "slope 1e-4 along a row": dict(P=O2, q=[-1 - 1e-4, 1], G=[[1, -1]], h=[1]),
-}  # fmt: skip
+})  # fmt: skip
 
-BOTH: Entries = {
+SMALL |= small_cases("both", "small, both", {
     "rows and a free variable": dict(
         P=np.diag([1, 0]), q=[0, 1], G=[[1, 0], [-1, 0]], h=[-1, 0],
     ),
     "linear rows": dict(P=O2, q=[0, -1], G=[[1, 0], [-1, 0]], h=[-1, 0]),
     "repeated equations, linear": dict(P=O2, q=[1, 0], A=[[1, 1], [2, 2]], b=[1, 3]),
-}  # fmt: skip
+})  # fmt: skip
+
+for margin, eps in ((1e-3, 1e-6), (1e-4, 1e-6), (1e-6, 1e-9), (1e-8, 1e-10)):
+    small = f"margin {margin:.0e}"
+    SMALL |= small_cases("infeasible", "nearly feasible", {
+        f"pair, {small}": dict(eps=eps, P=[[1]], G=[[1], [-1]], h=[0, -margin]),
+        f"triangle, {small}": dict(
+            eps=eps, P=I2, G=[[1, 1], [-1, 0], [0, -1]], h=[1, -0.5, -0.5 - margin],
+        ),
+        f"box, {small}": dict(
+            eps=eps, P=np.eye(10), G=-np.ones((1, 10)), h=[-10 - margin], ub=1,
+        ),
+        f"mean, {small}": dict(
+            eps=eps, P=O2, q=[1, 2], A=np.ones((1, 2)), b=[-margin], lb=0,
+        ),
+    })  # fmt: skip
 
 # Solvable, though a solver may see a ray or a contradiction.
-TREACHEROUS: Entries = {
+SMALL |= small_cases("feasible", "treacherous", {
     "solution at 1e9, flat": dict(P=[[1e-9]], q=-1),
     "solution at 1e8, half flat": dict(P=np.diag([1, 1e-8]), q=[0, -1]),
     "solution at 1e8, linear": dict(P=O2, q=[1, 2], lb=[1e8, 0]),
@@ -360,10 +373,10 @@ TREACHEROUS: Entries = {
         P=np.eye(3), q=1, A=[[1, 1, 0], [0, 1, 1], [1, 2, 1]], b=[0.1, 0.2, 0.3],
     ),
     "no cost in a cone": dict(P=O2, G=[[1, -2], [-2, 1]], h=[-1, -1]),
-}  # fmt: skip
+})  # fmt: skip
 
 # The smallest eigenvalue with a unit diagonal is -2e-6 or less; a box holds x.
-NOT_CONVEX: Entries = {
+SMALL |= small_cases("not convex", "not convex", {
     name: {"P": P, "lb": -1, "ub": 1}
     for name, P in {
         "negative diagonal": np.diag([1, -1]),
@@ -373,33 +386,4 @@ NOT_CONVEX: Entries = {
                                       [-0.5001, -0.5001, 1]],
         "negative, far from the diagonal": np.eye(20)[::-1],
     }.items()
-}  # fmt: skip
-
-NEARLY: Entries = {}
-for margin, eps in ((1e-3, 1e-6), (1e-4, 1e-6), (1e-6, 1e-9), (1e-8, 1e-10)):
-    small = f"margin {margin:.0e}"
-    NEARLY |= {
-        f"pair, {small}": dict(eps=eps, P=[[1]], G=[[1], [-1]], h=[0, -margin]),
-        f"triangle, {small}": dict(
-            eps=eps, P=I2, G=[[1, 1], [-1, 0], [0, -1]], h=[1, -0.5, -0.5 - margin],
-        ),
-        f"box, {small}": dict(
-            eps=eps, P=np.eye(10), G=-np.ones((1, 10)), h=[-10 - margin], ub=1,
-        ),
-        f"mean, {small}": dict(
-            eps=eps, P=O2, q=[1, 2], A=np.ones((1, 2)), b=[-margin], lb=0,
-        ),
-    }  # fmt: skip
-
-SMALL: dict[str, Maker] = {}
-for truth, group, entries in (
-    ("infeasible", "small, infeasible", INFEASIBLE),
-    ("unbounded", "small, unbounded", UNBOUNDED),
-    ("both", "small, both", BOTH),
-    ("infeasible", "nearly feasible", NEARLY),
-    ("feasible", "treacherous", TREACHEROUS),
-    ("not convex", "not convex", NOT_CONVEX),
-):
-    for name, entry in entries.items():
-        own = "nearly bounded" if "slope" in name else group
-        SMALL[name] = partial(small_case, own, truth, **entry)
+})  # fmt: skip

@@ -13,15 +13,10 @@ obstacle, 50 sin(3 pi x) sin(3 pi y).
 """
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.spatial import Delaunay
-
-from validation.problems import data_sets
-from validation.problems.classics import forced_obstacle
 
 
 class BoxLCP(NamedTuple):
@@ -125,6 +120,13 @@ def boundary_terms(u: np.ndarray) -> np.ndarray:
     return (u[:-2, inner] + u[2:, inner] + u[inner, :-2] + u[inner, 2:]).ravel()
 
 
+def forced_obstacle(m: int) -> tuple[sp.csr_array, np.ndarray]:
+    """Return A and q of `obstacle`."""
+    h = 1.0 / (m + 1)
+    wave = np.sin(3.0 * np.pi * h * np.arange(1, m + 1))
+    return five_point(m, m), -50.0 * h**2 * np.outer(wave, wave).ravel()
+
+
 def obstacle(m: int) -> BoxLCP:
     """Return the forced obstacle: z >= 0 under a load of changing sign.
 
@@ -203,20 +205,11 @@ def input_bounded_mpc(steps: int = 100) -> BoxLCP:
     return BoxLCP(0.5 * (A + A.T), q, np.full(steps, -1.0), np.ones(steps))
 
 
-def two_clouds(
-    n: int, features: int = 5, seed: int = 0
-) -> tuple[np.ndarray, np.ndarray]:
+def two_clouds(n: int, features: int = 5) -> tuple[np.ndarray, np.ndarray]:
     """Return points X and labels y = +-1 of two normal clouds that overlap."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     y = np.where(rng.random(n) < 0.5, 1.0, -1.0)
     return rng.standard_normal((n, features)) + 0.7 * y[:, None], y
-
-
-def svm_data(data: Path | None, n: int = 270) -> tuple[np.ndarray, np.ndarray]:
-    """Return X and y: heart_scale of the data folder, n generated points without it."""
-    if data is None or not (data / "svm" / "heart_scale").exists():
-        return two_clouds(n)
-    return data_sets.heart_scale(data)
 
 
 def svm_rbf(X: np.ndarray, y: np.ndarray, gamma: float, C: float = 1.0) -> BoxLCP:
@@ -291,6 +284,8 @@ def triangles(m: int, jump: float = 1.0, seed: int = 0) -> BoxLCP:
     `jump` on the black squares of a chess board and 1 elsewhere, which makes some
     off-diagonals positive.
     """
+    from scipy.spatial import Delaunay
+
     h = 1.0 / (m + 1)
     i, j = (axis.ravel() for axis in np.indices((m + 2, m + 2)))
     inside = (i > 0) & (i <= m) & (j > 0) & (j <= m)
@@ -304,9 +299,8 @@ def triangles(m: int, jump: float = 1.0, seed: int = 0) -> BoxLCP:
     c = np.roll(x, -2, axis=1) - np.roll(x, -1, axis=1)
     area = 0.5 * np.abs(b[:, 0] * c[:, 1] - b[:, 1] * c[:, 0])
     black = np.floor(8.0 * x.mean(axis=1)) + np.floor(8.0 * y.mean(axis=1))
-    factor = np.where(black % 2 == 0, 1.0, jump) / (
-        4.0 * np.maximum(area, 1e-6 * h * h)
-    )
+    factor = np.where(black % 2 == 0, 1.0, jump)
+    factor /= 4.0 * np.maximum(area, 1e-6 * h * h)
     number = np.full(points.shape[0], -1, dtype=np.int32)
     number[inside] = np.arange(m * m)
     own = number[corner]

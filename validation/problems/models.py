@@ -16,6 +16,7 @@ import scipy.sparse as sp
 Rng = np.random.Generator
 square = cp.sum_squares
 Terms = tuple[Any, ...]
+Size = tuple[int, ...]
 Data = tuple[Any, np.ndarray]
 
 
@@ -27,17 +28,15 @@ class Model(NamedTuple):
     """
 
     make: Callable[..., cp.Problem]
-    small: tuple[int, ...]
-    large: tuple[int, ...]
+    small: Size
+    large: Size
     expected: str = "optimal"
 
 
-def least(cost: Any, *constraints: Any) -> cp.Problem:
-    return cp.Problem(cp.Minimize(cost), list(constraints))
-
-
-def posed(terms: Any) -> cp.Problem:
-    return least(*terms) if isinstance(terms, tuple) else least(terms)
+def least(terms: Any, *constraints: Any) -> cp.Problem:
+    """Return the problem of a cost, or a tuple of it and constraints, and of others."""
+    cost, *rows = terms if isinstance(terms, tuple) else (terms,)
+    return cp.Problem(cp.Minimize(cost), [*rows, *constraints])
 
 
 # ---- fits: data, and what is made of them
@@ -113,80 +112,12 @@ def nonnegative(w: Any, X: Any, y: np.ndarray) -> Terms:
     return square(X @ w - y), w >= 0
 
 
-Fit = tuple[Callable[..., Any], Callable[[int, int], Data], tuple[int, ...], Any]
-FITS: dict[str, Fit] = {
-    "least_squares": (plain, regression, (30, 10), (2000, 300)),
-    "least_squares_sparse": (plain, local, (60, 30), (20_000, 10_000)),
-    "least_squares_random": (plain, scattered, (60, 30), (2000, 1200)),
-    "least_squares_scaled": (plain, scaled, (30, 10), (1000, 200)),
-    "least_squares_equality": (
-        lambda w, X, y: (
-            square(X @ w - y),
-            np.random.default_rng(1).standard_normal((w.size // 5, w.size)) @ w == 1,
-        ), regression, (30, 20), (1000, 500),
-    ),
-    "ridge": (
-        lambda w, X, y: square(X @ w - y) + 0.5 * square(w),
-        regression, (20, 40), (400, 1500),
-    ),
-    "ridge_faint": (
-        lambda w, X, y: (square(X @ w - y) + 1e-6 * square(w), cp.abs(w) <= 1),
-        regression, (20, 40), (200, 600),
-    ),
-    "nnls": (nonnegative, regression, (30, 20), (1000, 400)),
-    "nnls_sparse": (nonnegative, local, (60, 50), (10_000, 8000)),
-    "box_least_squares": (
-        lambda w, X, y: (square(X @ w - y), w >= -0.5, w <= 0.5),
-        regression, (30, 20), (1000, 400),
-    ),
-    "lasso_strong": (lasso(0.3), regression, (30, 60), (200, 2000)),
-    "lasso_weak": (lasso(0.003), regression, (30, 60), (200, 2000)),
-    "lasso_tall": (lasso(0.05), regression, (60, 30), (1000, 200)),
-    "lasso_collinear": (lasso(0.05), collinear, (40, 15), (300, 150)),
-    "elastic_net": (
-        lambda w, X, y: square(X @ w - y) / 2 + 0.05 * l1(w, X, y)
-        + 0.05 * np.abs(X.T @ y).max() * square(w),
-        regression, (30, 60), (200, 1000),
-    ),
-    "huber": (
-        lambda w, X, y: cp.sum(cp.huber(X @ w - y, 1.0)),
-        outliers, (50, 10), (3000, 100),
-    ),
-    "absolute_regression": (
-        lambda w, X, y: cp.norm1(X @ w - y), outliers, (50, 8), (3000, 50),
-    ),
-    "chebyshev_regression": (
-        lambda w, X, y: cp.norm_inf(X @ w - y), regression, (50, 8), (2000, 50),
-    ),
-    "quantile_regression": (
-        lambda w, X, y: cp.sum(0.9 * cp.pos(y - X @ w) + 0.1 * cp.neg(y - X @ w)),
-        outliers, (50, 8), (3000, 50),
-    ),
-    "dead_zone_regression": (
-        lambda w, X, y: 0.5 * square(w)
-        + 2.0 * cp.sum(cp.pos(cp.abs(X @ w + cp.Variable() - y) - 0.3)),
-        regression, (40, 8), (2000, 100),
-    ),
-    "svm_primal": (
-        lambda w, X, y: 0.5 * square(w) + hinge(w, X, y), classes, (60, 5), (3000, 100),
-    ),
-    "svm_l1": (
-        lambda w, X, y: cp.norm1(w) + hinge(w, X, y), classes, (60, 10), (1000, 200),
-    ),
-    "fused_lasso": (
-        lambda w, X, y: 0.5 * square(X @ w - y) + 2.0 * cp.norm1(w)
-        + 3.0 * cp.norm1(cp.diff(w)), regression, (40, 30), (500, 300),
-    ),
-    "basis_pursuit": (
-        lambda w, X, y: (cp.norm1(w), X @ w == y),
-        partial(regression, noise=0.0), (10, 40), (200, 1000),
-    ),
-}  # fmt: skip
+def fit(terms: Any, data: Callable[[int, int], Data], *sizes: Size) -> Model:
+    def make(m: int, n: int) -> cp.Problem:
+        X, y = data(m, n)
+        return least(terms(cp.Variable(X.shape[1]), X, y))
 
-
-def fit(terms: Callable[..., Terms], data: Any, m: int, n: int) -> cp.Problem:
-    X, y = data(m, n)
-    return posed(terms(cp.Variable(X.shape[1]), X, y))
+    return Model(make, *sizes)
 
 
 # ---- portfolios
@@ -199,11 +130,14 @@ def market(n: int, factors: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return 0.01 + 0.02 * rng.random(n), loadings, specific
 
 
-def portfolio(terms: Callable[..., Terms], n: int) -> cp.Problem:
-    mean, loadings, specific = market(n, max(2, n // 10))
-    w = cp.Variable(n)
-    sigma = loadings @ loadings.T + np.diag(specific)
-    return least(*terms(w, mean, cp.quad_form(w, cp.psd_wrap(sigma))))
+def portfolio(terms: Any, expected: str = "optimal") -> Model:
+    def make(n: int) -> cp.Problem:
+        mean, loadings, specific = market(n, max(2, n // 10))
+        w = cp.Variable(n)
+        sigma = loadings @ loadings.T + np.diag(specific)
+        return least(terms(w, mean, cp.quad_form(w, cp.psd_wrap(sigma))))
+
+    return Model(make, (20,), (500,), expected)
 
 
 def capital(w: Any, mean: np.ndarray, risk: Any) -> Terms:
@@ -215,23 +149,6 @@ def capital(w: Any, mean: np.ndarray, risk: Any) -> Terms:
 
 
 LONG: Callable[[Any], Terms] = lambda w: (cp.sum(w) == 1, w >= 0)  # noqa: E731
-PORTFOLIOS: dict[str, Callable[..., Terms]] = {
-    "markowitz": lambda w, mean, risk: (2.0 * risk - mean @ w, *LONG(w)),
-    "markowitz_target": lambda w, mean, risk: (
-        risk, *LONG(w), mean @ w >= 0.02, w <= max(0.1, 4.0 / w.size),
-    ),
-    "turnover_cost": lambda w, mean, risk: (
-        2.0 * risk - mean @ w + 0.002 * cp.norm1(w - 1.0 / w.size), *LONG(w),
-    ),
-    "turnover_limit": lambda w, mean, risk: (
-        2.0 * risk - mean @ w, cp.sum(w) == 1, cp.norm1(w - 1.0 / w.size) <= 0.5,
-        cp.norm1(w) <= 1.6,
-    ),
-    "capital": capital,
-    "infeasible_portfolio": lambda w, mean, risk: (
-        risk, *LONG(w), mean @ w >= 1.01 * mean.max(),
-    ),
-}  # fmt: skip
 
 
 def factor_model(n: int, factors: int) -> cp.Problem:
@@ -262,38 +179,16 @@ def plant(nx: int, nu: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return A, rng.standard_normal((nx, nu)) / nx, rng.standard_normal(nx)
 
 
-def control(
-    terms: Callable[..., Terms], nx: int, nu: int, steps: int, scale: float = 1.0
-) -> cp.Problem:
-    A, B, start = plant(nx, nu)
-    x, u = cp.Variable((nx, steps + 1)), cp.Variable((nu, steps))
-    moves = x[:, 0] == scale * start, x[:, 1:] == A @ x[:, :-1] + B @ u
-    return least(*terms(x, u), *moves)
+def control(terms: Any, scale: float, length: int, expected: str = "optimal") -> Model:
+    """Return control from `scale` times the start, of `length` steps if small."""
 
+    def make(nx: int, nu: int, steps: int) -> cp.Problem:
+        A, B, start = plant(nx, nu)
+        x, u = cp.Variable((nx, steps + 1)), cp.Variable((nu, steps))
+        moves = x[:, 0] == scale * start, x[:, 1:] == A @ x[:, :-1] + B @ u
+        return least(terms(x, u), *moves)
 
-CONTROLS: dict[str, tuple[Callable[..., Terms], float, int]] = {
-    "control": (
-        lambda x, u: (square(x) + 0.1 * square(u), cp.abs(u) <= 0.5, x <= 5.0), 1.0, 10,
-    ),
-    "control_soft": (  # an l1 penalty on violated bounds and on the input
-        lambda x, u: (
-            square(x[:, -1]) + 0.1 * cp.sum(cp.abs(u))
-            + 10.0 * cp.sum(cp.pos(cp.abs(x) - 0.5)),
-            cp.abs(u) <= 0.5,
-        ),
-        1.0, 10,
-    ),
-    "control_terminal": (  # to rest, least energy, bounded rates of the input
-        lambda x, u: (
-            square(u), x[:, -1] == 0, cp.abs(cp.diff(u, axis=1)) <= 2.0,
-        ),
-        0.2, 12,
-    ),
-    "infeasible_control": (
-        lambda x, u: (square(u), cp.abs(u) <= 0.01, x[:, -1] == 10.0), 1.0, 10,
-    ),
-}  # fmt: skip
-"""Terms, the scale of the start, and the steps of the small size."""
+    return Model(make, (4, 2, length), (12, 4, 100), expected)
 
 
 # ---- projections, signals, LPs, traps
@@ -469,8 +364,119 @@ def polytope(x: Any, m: int, rng: Rng) -> Terms:
     return cost, rng.standard_normal((m, x.size)) @ x <= 0.5 + rng.random(m)
 
 
-OTHERS: dict[str, tuple[Any, ...]] = {
-    "markowitz_sample": (  # largest utility; the covariance of n / 2 samples
+def other(terms: Any, small: Size, large: Size, expected: str = "optimal") -> Model:
+    """Return a model of n unknowns and, where they count, m rows; sizes (n, m)."""
+
+    def make(n: int, m: int = 0) -> cp.Problem:
+        return least(terms(cp.Variable(n), m, np.random.default_rng(n)))
+
+    return Model(make, small, large, expected)
+
+
+MODELS: dict[str, Model] = {
+    "least_squares": fit(plain, regression, (30, 10), (2000, 300)),
+    "least_squares_sparse": fit(plain, local, (60, 30), (20_000, 10_000)),
+    "least_squares_random": fit(plain, scattered, (60, 30), (2000, 1200)),
+    "least_squares_scaled": fit(plain, scaled, (30, 10), (1000, 200)),
+    "least_squares_equality": fit(
+        lambda w, X, y: (
+            square(X @ w - y),
+            np.random.default_rng(1).standard_normal((w.size // 5, w.size)) @ w == 1,
+        ), regression, (30, 20), (1000, 500),
+    ),
+    "ridge": fit(
+        lambda w, X, y: square(X @ w - y) + 0.5 * square(w),
+        regression, (20, 40), (400, 1500),
+    ),
+    "ridge_faint": fit(
+        lambda w, X, y: (square(X @ w - y) + 1e-6 * square(w), cp.abs(w) <= 1),
+        regression, (20, 40), (200, 600),
+    ),
+    "nnls": fit(nonnegative, regression, (30, 20), (1000, 400)),
+    "nnls_sparse": fit(nonnegative, local, (60, 50), (10_000, 8000)),
+    "box_least_squares": fit(
+        lambda w, X, y: (square(X @ w - y), w >= -0.5, w <= 0.5),
+        regression, (30, 20), (1000, 400),
+    ),
+    "lasso_strong": fit(lasso(0.3), regression, (30, 60), (200, 2000)),
+    "lasso_weak": fit(lasso(0.003), regression, (30, 60), (200, 2000)),
+    "lasso_tall": fit(lasso(0.05), regression, (60, 30), (1000, 200)),
+    "lasso_collinear": fit(lasso(0.05), collinear, (40, 15), (300, 150)),
+    "elastic_net": fit(
+        lambda w, X, y: square(X @ w - y) / 2 + 0.05 * l1(w, X, y)
+        + 0.05 * np.abs(X.T @ y).max() * square(w),
+        regression, (30, 60), (200, 1000),
+    ),
+    "huber": fit(
+        lambda w, X, y: cp.sum(cp.huber(X @ w - y, 1.0)),
+        outliers, (50, 10), (3000, 100),
+    ),
+    "absolute_regression": fit(
+        lambda w, X, y: cp.norm1(X @ w - y), outliers, (50, 8), (3000, 50),
+    ),
+    "chebyshev_regression": fit(
+        lambda w, X, y: cp.norm_inf(X @ w - y), regression, (50, 8), (2000, 50),
+    ),
+    "quantile_regression": fit(
+        lambda w, X, y: cp.sum(0.9 * cp.pos(y - X @ w) + 0.1 * cp.neg(y - X @ w)),
+        outliers, (50, 8), (3000, 50),
+    ),
+    "dead_zone_regression": fit(
+        lambda w, X, y: 0.5 * square(w)
+        + 2.0 * cp.sum(cp.pos(cp.abs(X @ w + cp.Variable() - y) - 0.3)),
+        regression, (40, 8), (2000, 100),
+    ),
+    "svm_primal": fit(
+        lambda w, X, y: 0.5 * square(w) + hinge(w, X, y), classes, (60, 5), (3000, 100),
+    ),
+    "svm_l1": fit(
+        lambda w, X, y: cp.norm1(w) + hinge(w, X, y), classes, (60, 10), (1000, 200),
+    ),
+    "fused_lasso": fit(
+        lambda w, X, y: 0.5 * square(X @ w - y) + 2.0 * cp.norm1(w)
+        + 3.0 * cp.norm1(cp.diff(w)), regression, (40, 30), (500, 300),
+    ),
+    "basis_pursuit": fit(
+        lambda w, X, y: (cp.norm1(w), X @ w == y),
+        partial(regression, noise=0.0), (10, 40), (200, 1000),
+    ),
+    "markowitz": portfolio(lambda w, mean, risk: (2.0 * risk - mean @ w, *LONG(w))),
+    "markowitz_target": portfolio(lambda w, mean, risk: (
+        risk, *LONG(w), mean @ w >= 0.02, w <= max(0.1, 4.0 / w.size),
+    )),
+    "turnover_cost": portfolio(lambda w, mean, risk: (
+        2.0 * risk - mean @ w + 0.002 * cp.norm1(w - 1.0 / w.size), *LONG(w),
+    )),
+    "turnover_limit": portfolio(lambda w, mean, risk: (
+        2.0 * risk - mean @ w, cp.sum(w) == 1, cp.norm1(w - 1.0 / w.size) <= 0.5,
+        cp.norm1(w) <= 1.6,
+    )),
+    "capital": portfolio(capital),
+    "infeasible_portfolio": portfolio(lambda w, mean, risk: (
+        risk, *LONG(w), mean @ w >= 1.01 * mean.max(),
+    ), "infeasible"),
+    "control": control(
+        lambda x, u: (square(x) + 0.1 * square(u), cp.abs(u) <= 0.5, x <= 5.0), 1.0, 10,
+    ),
+    "control_soft": control(  # an l1 penalty on violated bounds and on the input
+        lambda x, u: (
+            square(x[:, -1]) + 0.1 * cp.sum(cp.abs(u))
+            + 10.0 * cp.sum(cp.pos(cp.abs(x) - 0.5)),
+            cp.abs(u) <= 0.5,
+        ),
+        1.0, 10,
+    ),
+    "control_terminal": control(  # to rest, least energy, bounded rates of the input
+        lambda x, u: (
+            square(u), x[:, -1] == 0, cp.abs(cp.diff(u, axis=1)) <= 2.0,
+        ),
+        0.2, 12,
+    ),
+    "infeasible_control": control(
+        lambda x, u: (square(u), cp.abs(u) <= 0.01, x[:, -1] == 10.0),
+        1.0, 10, "infeasible",
+    ),
+    "markowitz_sample": other(  # largest utility; the covariance of n / 2 samples
         lambda w, m, rng: (
             0.005 / m * square(rng.standard_normal((m, w.size)) @ w)
             - market(w.size, 2)[0] @ w,
@@ -478,7 +484,7 @@ OTHERS: dict[str, tuple[Any, ...]] = {
         ),
         (20, 10), (500, 250),
     ),
-    "value_at_risk": (  # least mean of the worst tenth of losses, an LP
+    "value_at_risk": other(  # least mean of the worst tenth of losses, an LP
         lambda w, m, rng: (
             cp.sum_largest((-0.01 - 0.1 * rng.standard_normal((m, w.size))) @ w, m / 10)
             / (m / 10),
@@ -486,52 +492,56 @@ OTHERS: dict[str, tuple[Any, ...]] = {
         ),
         (10, 50), (50, 1000),
     ),
-    "polynomial_fit": (polynomial_fit, (6, 40), (12, 1000)),
-    "svm_dual": (svm_dual, (60, 5), (2000, 50)),
-    "svm_kernel": (svm_kernel, (40, 4), (800, 4)),
-    "total_variation": (
+    "polynomial_fit": other(polynomial_fit, (6, 40), (12, 1000)),
+    "svm_dual": other(svm_dual, (60, 5), (2000, 50)),
+    "svm_kernel": other(svm_kernel, (40, 4), (800, 4)),
+    "total_variation": other(
         lambda x, m, rng:
         0.5 * square(x - steps(x.size, rng)) + 0.5 * cp.norm1(cp.diff(x)),
         (100,), (5000,),
     ),
-    "trend_filter": (  # l1 norm of second differences
+    "trend_filter": other(  # l1 norm of second differences
         lambda x, m, rng:
         0.5 * square(x - steps(x.size, rng)) + 5.0 * cp.norm1(cp.diff(x, 2)),
         (100,), (3000,),
     ),
-    "isotonic": (isotonic, (100,), (10_000,)),
-    "convex_regression": (convex_regression, (50,), (1000,)),
-    "big_m": (big_m, (20,), (3000,)),
-    "storage": (storage, (24,), (2000,)),
-    "polytope": (polytope, (10, 30), (200, 2000)),
-    "simplex": (lambda x, m, rng: (near(x, rng), *LONG(x)), (20,), (10_000,)),
-    "l1_ball": (lambda x, m, rng: (near(x, rng), cp.norm1(x) <= 1), (20,), (5000,)),
-    "dependent_rows": (dependent_rows, (20, 5), (600, 150)),
-    "lp_unique": (lp_unique, (10, 30), (200, 1000)),
-    "lp_face": (lp_face, (10, 8), (500, 200)),
-    "minimax": (  # smallest maximum of affine functions, in a box
+    "isotonic": other(isotonic, (100,), (10_000,)),
+    "convex_regression": other(convex_regression, (50,), (1000,)),
+    "big_m": other(big_m, (20,), (3000,)),
+    "storage": other(storage, (24,), (2000,)),
+    "polytope": other(polytope, (10, 30), (200, 2000)),
+    "simplex": other(lambda x, m, rng: (near(x, rng), *LONG(x)), (20,), (10_000,)),
+    "l1_ball": other(
+        lambda x, m, rng: (near(x, rng), cp.norm1(x) <= 1), (20,), (5000,),
+    ),
+    "dependent_rows": other(dependent_rows, (20, 5), (600, 150)),
+    "lp_unique": other(lp_unique, (10, 30), (200, 1000)),
+    "lp_face": other(lp_face, (10, 8), (500, 200)),
+    "minimax": other(  # smallest maximum of affine functions, in a box
         lambda x, m, rng: (
             cp.max(rng.standard_normal((m, x.size)) @ x + rng.standard_normal(m)),
             x >= -1, x <= 1,
         ),
         (8, 30), (100, 1000),
     ),
-    "feasibility": (feasibility, (10, 30), (300, 1000)),
-    "infinite_sides": (infinite_sides, (20,), (500,)),
-    "infeasible_bounds": (
+    "feasibility": other(feasibility, (10, 30), (300, 1000)),
+    "infinite_sides": other(infinite_sides, (20,), (500,)),
+    "infeasible_bounds": other(
         lambda x, m, rng: (
             square(x - 1), x >= 0, x <= np.where(np.arange(x.size) == 5, -1e-3, 1.0),
         ),
         (10,), (10_000,), "infeasible",
     ),
-    "infeasible_rows": (infeasible_rows, (8, 20), (100, 500), "infeasible"),
-    "infeasible_equations": (infeasible_equations, (20, 5), (600, 150), "infeasible"),
-    "infeasible_both": (  # neither the problem nor its dual has a feasible point
+    "infeasible_rows": other(infeasible_rows, (8, 20), (100, 500), "infeasible"),
+    "infeasible_equations": other(
+        infeasible_equations, (20, 5), (600, 150), "infeasible",
+    ),
+    "infeasible_both": other(  # neither the problem nor its dual has a feasible point
         lambda x, m, rng: (-cp.sum(x), x[0] - x[1] >= 1, x[1] - x[0] >= 1),
         (2,), (1000,), "infeasible",
     ),
-    "unbounded_lp": (unbounded_lp, (10, 20), (300, 600), "unbounded"),
-    "unbounded_qp": (  # falls where its matrix is singular
+    "unbounded_lp": other(unbounded_lp, (10, 20), (300, 600), "unbounded"),
+    "unbounded_qp": other(  # falls where its matrix is singular
         lambda x, m, rng: (
             square(rng.standard_normal((m, x.size)) @ x)
             + rng.standard_normal(x.size) @ x,
@@ -539,35 +549,14 @@ OTHERS: dict[str, tuple[Any, ...]] = {
         ),
         (10, 5), (500, 250), "unbounded",
     ),
-    "unbounded_maximum": (  # borrow without limit
+    "unbounded_maximum": other(  # borrow without limit
         lambda w, m, rng: (
             square(market(w.size, 2)[1].T @ w) - market(w.size, 2)[0] @ w,
             cp.sum(w) == 1,
         ),
         (10,), (2000,), "unbounded",
     ),
-    "nonconvex": (nonconvex, (10,), (500,), "refused"),
-}  # fmt: skip
-"""Terms, small and large n, with m where it counts, and what is expected."""
-
-
-def other(terms: Callable[..., Any], n: int, m: int = 0) -> cp.Problem:
-    return posed(terms(cp.Variable(n), m, np.random.default_rng(n)))
-
-
-MODELS: dict[str, Model] = {}
-for name, (terms, data, *sizes) in FITS.items():
-    MODELS[name] = Model(partial(fit, terms, data), *sizes)
-for name, terms in PORTFOLIOS.items():
-    MODELS[name] = Model(partial(portfolio, terms), (20,), (500,))
-for name, (terms, scale, length) in CONTROLS.items():
-    make = partial(control, terms, scale=scale)
-    MODELS[name] = Model(make, (4, 2, length), (12, 4, 100))
-for name in ("infeasible_portfolio", "infeasible_control"):
-    MODELS[name] = MODELS[name]._replace(expected="infeasible")
-for name, (terms, *rest) in OTHERS.items():
-    MODELS[name] = Model(partial(other, terms), *rest)
-MODELS |= {
+    "nonconvex": other(nonconvex, (10,), (500,), "refused"),
     "birkhoff": Model(partial(to_and_fro, kind="birkhoff"), (6, 6), (60, 60)),
     "assignment": Model(partial(to_and_fro, kind="assignment"), (6, 6), (60, 60)),
     "transport": Model(partial(to_and_fro, kind="transport"), (5, 7), (60, 80)),

@@ -18,6 +18,10 @@ import scipy.linalg
 import scipy.sparse as sp
 from qpsolvers import Problem
 
+from validation.harness import qps
+
+Rng = np.random.Generator
+
 ENTRIES = (1e3, 1e4, 1e5, 1e6)
 """What P, G and A of the four sizes of a class have together, to within a quarter."""
 
@@ -30,46 +34,37 @@ STAGES = 10  # time steps of `control`
 class Class(NamedTuple):
     """make(rng, size): variables, factors (portfolio), features or states (control)."""
 
-    make: Callable[[np.random.Generator, int], Problem]
+    make: Callable[[Rng, int], Problem]
     sizes: tuple[int, ...]
 
 
-def normal(
-    rng: np.random.Generator, rows: int, columns: int, density: float = DENSITY
-) -> Any:
-    draw = rng.standard_normal
-    shape = rows, columns
-    return sp.random_array(
-        shape, density=density, rng=rng, data_sampler=lambda size: draw(size)
-    )
+def normal(rng: Rng, rows: int, columns: int, density: float = DENSITY) -> Any:
+    draw = {"rng": rng, "data_sampler": rng.standard_normal}
+    return sp.random_array((rows, columns), density=density, **draw)
 
 
 def posed(P: Any, q: np.ndarray, **constraints: Any) -> Problem:
-    matrices = {
-        name: sp.csc_matrix(value) if name in ("G", "A") else value
-        for name, value in constraints.items()
-    }
-    return Problem(sp.csc_matrix(P), q, **matrices)
+    return qps.sparse(Problem(P, q, **constraints))
 
 
-def definite(rng: np.random.Generator, n: int) -> Any:
+def definite(rng: Rng, n: int) -> Any:
     M = sp.csr_array(normal(rng, n, n))
     return M @ M.T + SHIFT * sp.eye_array(n)
 
 
-def random_qp(rng: np.random.Generator, n: int) -> Problem:
+def random_qp(rng: Rng, n: int) -> Problem:
     P, q = definite(rng, n), rng.standard_normal(n)
     C = normal(rng, 10 * n, n)
     lower, upper = -rng.random(10 * n), rng.random(10 * n)
     return posed(P, q, G=sp.vstack((C, -C)), h=np.append(upper, -lower))
 
 
-def equality_qp(rng: np.random.Generator, n: int) -> Problem:
+def equality_qp(rng: Rng, n: int) -> Problem:
     P, q = definite(rng, n), rng.standard_normal(n)
     return posed(P, q, A=normal(rng, n // 2, n), b=rng.standard_normal(n // 2))
 
 
-def portfolio(rng: np.random.Generator, factors: int) -> Problem:
+def portfolio(rng: Rng, factors: int) -> Problem:
     """Return a long-only portfolio: covariance F F' + D, risk aversion 1.
 
     min 1/2 x'Dx + 1/2 y'y - 1/2 mu'x subject to y = F'x, sum x = 1, x >= 0.
@@ -85,7 +80,7 @@ def portfolio(rng: np.random.Generator, factors: int) -> Problem:
     return posed(P, q, A=A, b=np.append(1.0, np.zeros(factors)), lb=lb)
 
 
-def lasso(rng: np.random.Generator, n: int) -> Problem:
+def lasso(rng: Rng, n: int) -> Problem:
     """Return least squares with an l1 penalty, variables (x, y, t).
 
     min 1/2 y'y + lambda sum t subject to y = Cx - d, -t <= x <= t, with half of the
@@ -104,7 +99,7 @@ def lasso(rng: np.random.Generator, n: int) -> Problem:
     return posed(P, q, G=G, h=np.zeros(2 * n), A=A, b=d)
 
 
-def svm(rng: np.random.Generator, n: int) -> Problem:
+def svm(rng: Rng, n: int) -> Problem:
     """Return a support vector machine with hinge loss, variables (x, t).
 
     min 1/2 x'x + sum t subject to t >= diag(s) C x + 1, t >= 0, where the entries of C
@@ -121,7 +116,7 @@ def svm(rng: np.random.Generator, n: int) -> Problem:
     return posed(P, q, G=G, h=np.full(m, -1.0), lb=lb)
 
 
-def huber(rng: np.random.Generator, n: int) -> Problem:
+def huber(rng: Rng, n: int) -> Problem:
     """Return robust regression with Huber's loss of threshold 1.
 
     Variables (x, u, r, s): min u'u + 2 sum (r + s) subject to Cx - d - u = r - s,
@@ -140,7 +135,7 @@ def huber(rng: np.random.Generator, n: int) -> Problem:
     return posed(P, q, A=sp.hstack((C, -eye, -eye, eye)), b=d, lb=lb)
 
 
-def control(rng: np.random.Generator, n: int) -> Problem:
+def control(rng: Rng, n: int) -> Problem:
     """Return linear control with n states and n / 2 inputs over STAGES steps.
 
     min x_T'Q_T x_T + sum (x_t'Q x_t + u_t'R u_t) subject to x_{t+1} = F x_t + B u_t,

@@ -36,6 +36,7 @@ as QP in (u, v), whose P is singular. One feature in five has an influence.
 
 import itertools
 from collections.abc import Callable, Generator
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -53,11 +54,8 @@ Steps = Generator[Vectors, np.ndarray | None, None]
 """Yields what changes; is sent the solution, None where there is none."""
 
 
-class Sequence(NamedTuple):
-    """The first problem, and a loop of changes, which asks for less if sent None."""
-
-    problem: Problem
-    steps: Steps
+Sequence = tuple[Problem, Steps]
+"""The first problem, and a loop of changes, which asks for less if sent None."""
 
 
 class Scene(NamedTuple):
@@ -65,12 +63,6 @@ class Scene(NamedTuple):
 
     make: Callable[[int, str], Sequence]
     sizes: tuple[int, ...]
-
-
-State = tuple[np.ndarray, np.ndarray]
-
-Loop = Generator[State, np.ndarray | None, None]
-"""Yields the states of a closed loop, and receives the inputs."""
 
 
 STATES, INPUTS = 12, 4
@@ -111,33 +103,45 @@ def limits() -> tuple[np.ndarray, np.ndarray]:
     return lower, upper
 
 
-def wanted(step: int, level: str) -> np.ndarray:
-    r = np.zeros(STATES)
-    r[HEIGHT] = JUMP[level] * (step // PERIOD % 2)
-    return r
+class Controller(NamedTuple):
+    """A QP at rest, its vectors at a measured and a wanted state, its first inputs."""
+
+    problem: Problem
+    vectors: Callable[[np.ndarray, np.ndarray], Vectors]
+    inputs_at: slice
 
 
-def closed_loop(stages: int, level: str) -> Loop:
-    """Yield measured and wanted state; receive the input, None to start from half."""
+Build = Callable[[int], Controller]
+
+
+def closed_loop(build: Build, stages: int, level: str) -> Sequence:
+    """Return the loop of a controller; without a solution, it starts from half."""
+    problem, vectors, inputs_at = build(stages)
     F, B = plant()
-    rng = np.random.default_rng(stages)
-    state = np.zeros(STATES)
-    for step in itertools.count():
-        u = yield state, wanted(step, level)
-        while u is None:
-            state = 0.5 * state
-            u = yield state, wanted(step, level)
-        state = F @ state + B @ u
-        state[RATES] += NOISE[level] * rng.standard_normal(6)
+
+    def steps() -> Steps:
+        rng = np.random.default_rng(stages)
+        state, wanted = np.zeros(STATES), np.zeros(STATES)
+        for step in itertools.count():
+            wanted[HEIGHT] = JUMP[level] * (step // PERIOD % 2)
+            while (x := (yield vectors(state, wanted))) is None:
+                state = 0.5 * state
+            state = F @ state + B @ x[inputs_at]
+            state[RATES] += NOISE[level] * rng.standard_normal(6)
+
+    return problem, steps()
 
 
-def stagewise(
-    stages: int, level: str, weights: np.ndarray = WEIGHTS, loop: Loop | None = None
-) -> Sequence:
-    """Return the sequence in x_0, ..., x_N, u_0, ..., u_{N-1}, sparse.
+def single(build: Build, stages: int, state: np.ndarray) -> Problem:
+    """Return the QP of a controller that is to rest at 0."""
+    problem, vectors, _ = build(stages)
+    return Problem(**qps.by_name(problem) | vectors(state, np.zeros(STATES)))
+
+
+def stagewise(stages: int, weights: np.ndarray = WEIGHTS) -> Controller:
+    """Return the QP in x_0, ..., x_N, u_0, ..., u_{N-1}, sparse.
 
     P is singular where a weight is zero, but not on the states that inputs can reach.
-    `loop` replaces `closed_loop`.
     """
     F, B = plant()
     every = sp.eye_array(stages + 1)
@@ -146,32 +150,30 @@ def stagewise(
     P = sp.block_diag((costs, EFFORT * sp.eye_array(INPUTS * stages)))
     dynamics = sp.kron(past, F) - sp.eye_array(STATES * (stages + 1))
     inputs = sp.kron(sp.eye_array(stages + 1, stages, k=-1), B)
-    A = sp.hstack((dynamics, inputs))
+    A = sp.csc_matrix(sp.hstack((dynamics, inputs)))
     lower, upper = limits()
     free = np.full(STATES, np.inf)  # x_0 is measured
     lb = np.concatenate((-free, *[lower] * stages, np.full(INPUTS * stages, LEAST)))
     ub = np.concatenate((free, *[upper] * stages, np.full(INPUTS * stages, MOST)))
 
-    def vectors(state: np.ndarray, r: np.ndarray) -> Vectors:
+    def vectors(state: np.ndarray, wanted: np.ndarray) -> Vectors:
         b = np.zeros(A.shape[0])
         b[:STATES] = -state
-        cost = np.tile(-weights * r, stages + 1)
+        cost = np.tile(-weights * wanted, stages + 1)
         return {"q": np.append(cost, np.zeros(INPUTS * stages)), "b": b}
 
-    first = vectors(np.zeros(STATES), wanted(0, level))
-    A = sp.csc_matrix(A)
-    problem = Problem(sp.csc_matrix(P), first["q"], None, None, A, first["b"], lb, ub)
-    inputs_at = slice(STATES * (stages + 1), STATES * (stages + 1) + INPUTS)
-    loop = loop or closed_loop(stages, level)
-    return Sequence(problem, steps(loop, vectors, inputs_at))
+    q, b = vectors(np.zeros(STATES), np.zeros(STATES)).values()
+    problem = Problem(sp.csc_matrix(P), q, None, None, A, b, lb, ub)
+    first = STATES * (stages + 1)
+    return Controller(problem, vectors, slice(first, first + INPUTS))
 
 
-def stagewise_definite(stages: int, level: str, loop: Loop | None = None) -> Sequence:
+def stagewise_definite(stages: int) -> Controller:
     """Return `stagewise` with weights on all states, so that P is definite."""
-    return stagewise(stages, level, WEIGHTS + EVERY, loop)
+    return stagewise(stages, WEIGHTS + EVERY)
 
 
-def condensed(stages: int, level: str, loop: Loop | None = None) -> Sequence:
+def condensed(stages: int) -> Controller:
     """Return it in u_0, ..., u_{N-1} alone, dense; (x_1, ..., x_N) is T x_0 + S u."""
     F, B = plant()
     powers = [np.eye(STATES)]
@@ -189,33 +191,16 @@ def condensed(stages: int, level: str, loop: Loop | None = None) -> Sequence:
     above, below = (np.flatnonzero(np.isfinite(v)) for v in (upper, lower))
     G = np.vstack((S[above], -S[below]))
 
-    def vectors(state: np.ndarray, r: np.ndarray) -> Vectors:
+    def vectors(state: np.ndarray, wanted: np.ndarray) -> Vectors:
         alone = T @ state
-        q = S.T @ (Q * (alone - np.tile(r, stages)))
+        q = S.T @ (Q * (alone - np.tile(wanted, stages)))
         h = np.concatenate((upper[above] - alone[above], alone[below] - lower[below]))
         return {"q": q, "h": h}
 
-    first = vectors(np.zeros(STATES), wanted(0, level))
-    n = INPUTS * stages
-    bounds = np.full(n, LEAST), np.full(n, MOST)
-    problem = Problem(P, first["q"], G, first["h"], None, None, *bounds)
-    loop = loop or closed_loop(stages, level)
-    return Sequence(problem, steps(loop, vectors, slice(0, INPUTS)))
-
-
-def single(build: Callable[..., Sequence], stages: int, state: np.ndarray) -> Problem:
-    def loop() -> Loop:
-        yield state, np.zeros(STATES)
-
-    problem, later = build(stages, LEVELS[0], loop=loop())
-    return Problem(*(qps.by_name(problem) | next(later)).values())
-
-
-def steps(loop: Loop, vectors: Callable[..., Vectors], inputs_at: slice) -> Steps:
-    state = next(loop)
-    while True:
-        x = yield vectors(*state)
-        state = loop.send(None if x is None else x[inputs_at])
+    q, h = vectors(np.zeros(STATES), np.zeros(STATES)).values()
+    bounds = np.full(q.size, LEAST), np.full(q.size, MOST)
+    problem = Problem(P, q, G, h, None, None, *bounds)
+    return Controller(problem, vectors, slice(0, INPUTS))
 
 
 KICK = dict(zip(LEVELS, (0.01, 0.1, 1.0), strict=True))
@@ -244,7 +229,7 @@ def shaken_heap(contacts: int, level: str) -> Sequence:
             v = np.zeros(n) if found is None else found
             moved = moved + v
 
-    return Sequence(problem, steps())
+    return problem, steps()
 
 
 NEWS = dict(zip(LEVELS, (1e-3, 1e-2, 1e-1), strict=True))
@@ -264,14 +249,13 @@ def rebalancing(assets: int, level: str) -> Sequence:
     problem = Problem(P, -first, None, None, np.ones((1, assets)), np.ones(1), *bounds)
 
     def days() -> Steps:
-        wander = np.zeros(
-            assets
-        )  # of returns about the first, so that the spread stays
+        # returns wander about the first, so that their spread stays
+        wander = np.zeros(assets)
         for _ in itertools.count():
             yield {"q": -(first + wander)}
             wander = POOR * wander + NEWS[level] * rng.standard_normal(assets)
 
-    return Sequence(problem, days())
+    return problem, days()
 
 
 VALUES = dict(zip(LEVELS, (1000, 100, 20), strict=True))
@@ -295,13 +279,15 @@ def penalty_path(features: int, level: str) -> Sequence:
         for penalty in penalties:
             yield {"q": linear + penalty * ones}
 
-    return Sequence(problem, steps())
+    return problem, steps()
 
 
 SCENES = {
-    "condensed MPC": Scene(condensed, (5, 10, 25)),
-    "sparse MPC": Scene(stagewise, (10, 30, 60)),
-    "sparse MPC, definite": Scene(stagewise_definite, (10, 30, 60)),
+    "condensed MPC": Scene(partial(closed_loop, condensed), (5, 10, 25)),
+    "sparse MPC": Scene(partial(closed_loop, stagewise), (10, 30, 60)),
+    "sparse MPC, definite": Scene(
+        partial(closed_loop, stagewise_definite), (10, 30, 60)
+    ),
     "portfolio": Scene(rebalancing, (50, 200, 500)),
     "lasso path": Scene(penalty_path, (10, 50, 200)),
     "contact": Scene(shaken_heap, (30, 120, 500)),

@@ -7,9 +7,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from validation.problems import data_sets, draw, hertz
-from validation.problems.classics import disc_pile, forced_obstacle
-from validation.problems.contact_scenes import brick_wall
-from validation.problems.known_scenes import BoxLCP, nonnegative
+from validation.problems.contact_scenes import brick_wall, disc_pile
+from validation.problems.known_scenes import BoxLCP, nonnegative, obstacle
 
 
 def canonical(A: Any) -> Any:
@@ -97,11 +96,11 @@ def problem_classes() -> dict[str, BoxLCP]:
     """Return one scene of each class of the stability map, none of which needs data."""
     return {
         "dominant M-matrix": with_contact(paper_example(1, 20).A),
-        "Laplacian": halfline(*forced_obstacle(20)),
+        "Laplacian": obstacle(20),
         "SPD, not H": spd_not_h(300),
         "singular contact, discs": halfline(*disc_pile(14)),
-        "singular contact, bricks": halfline(*brick_wall(240, mass_ratio=4.0)[:2]),
+        "singular contact, bricks": brick_wall(240, mass_ratio=4.0),
         "badly scaled rows": badly_scaled(20),
         "nonsymmetric H+": nonsymmetric_h_plus(400),
-        "dense positive": halfline(*hertz.half_space(16)),
+        "dense positive": nonnegative(*hertz.half_space(16)),
     }

@@ -24,50 +24,52 @@ def told(solver: str, eps: float) -> dict[str, Any]:
     return settings
 
 
-def answered(
-    problem: Problem, found: bool, x: Any, multipliers: tuple[Any, Any, Any]
-) -> Solution:
-    y, z, z_box = (np.asarray(part) for part in multipliers)
+def answered(problem: Problem, found: bool, x: Any, multipliers: Any) -> Solution:
+    x, y, z, z_box = (np.array(part) for part in (x, *multipliers))
     z_box = z_box if problem.lb is not None or problem.ub is not None else np.empty(0)
-    x, y, z, z_box = (np.array(part) for part in (x, y, z, z_box))
     return Solution(problem, found=found, x=x, y=y, z=z, z_box=z_box)
 
 
-class Calls:
-    """`namlcp.solve_qp`, which starts from its last answer."""
+class Workspace:
+    """A `solver` that updates and solves; `answer` is what its `solve` returns."""
 
-    def __init__(self, problem: Problem, eps: float) -> None:
-        self.data = qps.by_name(problem)
-        self.options = told("nam", eps)
-        self.result = namlcp.solve_qp(**self.data, **self.options)
+    solver: Any
 
     def prepared(self, vectors: Vectors) -> Vectors:
         return vectors
 
-    def step(self, vectors: Vectors) -> None:
-        self.data.update(vectors)
-        given = self.data | self.options
-        self.result = namlcp.solve_qp(**given, warm_start=self.result)
-
-    def solution(self, problem: Problem) -> Solution:
-        r = self.result
-        found = r.status is namlcp.Status.SOLVED
-        return answered(problem, found, r.x, (r.y, r.z, r.z_box))
+    def step(self, arguments: Vectors) -> None:
+        self.solver.update(**arguments)
+        self.answer = self.solver.solve()
 
 
-class Kept(Calls):
+class Kept(Workspace):
     """`namlcp.Solver`."""
 
     def __init__(self, problem: Problem, eps: float) -> None:
         self.solver = namlcp.Solver(*problem.unpack(), **told("nam", eps))
-        self.result = self.solver.solve()
+        self.answer = self.solver.solve()
 
-    def step(self, vectors: Vectors) -> None:
-        self.solver.update(**vectors)
-        self.result = self.solver.solve()
+    def solution(self, problem: Problem) -> Solution:
+        r = self.answer
+        found = r.status is namlcp.Status.SOLVED
+        return answered(problem, found, r.x, (r.y, r.z, r.z_box))
 
 
-class Piqp:
+class Calls(Kept):
+    """`namlcp.solve_qp`, which starts from its last answer."""
+
+    def __init__(self, problem: Problem, eps: float) -> None:
+        self.data, self.options = qps.by_name(problem), told("nam", eps)
+        self.answer = namlcp.solve_qp(**self.data, **self.options)
+
+    def step(self, arguments: Vectors) -> None:
+        self.data.update(arguments)
+        given = self.data | self.options
+        self.answer = namlcp.solve_qp(**given, warm_start=self.answer)
+
+
+class Piqp(Workspace):
     """PIQP's dense or sparse solver."""
 
     def __init__(self, problem: Problem, eps: float) -> None:
@@ -75,32 +77,26 @@ class Piqp:
 
         P, q, G, h, A, b, lb, ub = qps.parts(problem)
         sparse = sp.issparse(P)
-        form = sp.csc_matrix if sparse else np.asfortranarray
-        if not sparse:
-            G, A = (C.toarray() if sp.issparse(C) else C for C in (G, A))
+        form = sp.csc_matrix if sparse else lambda M: np.asfortranarray(qps.dense(M))
         self.solver = piqp.SparseSolver() if sparse else piqp.DenseSolver()
         self.solved = piqp.PIQP_SOLVED
         for key, value in told("piqp", eps).items():
             setattr(self.solver.settings, key, value)
         bounds = (np.clip(side, -INFINITY, INFINITY) for side in (lb, ub))
         self.solver.setup(form(P), q, form(A), b, form(G), None, h, *bounds)
-        self.status = self.solver.solve()
+        self.answer = self.solver.solve()
 
     def prepared(self, vectors: Vectors) -> Vectors:
         names = {"q": "c", "h": "h_u", "b": "b", "lb": "x_l", "ub": "x_u"}
         return {names[key]: value for key, value in vectors.items()}
 
-    def step(self, arguments: Vectors) -> None:
-        self.solver.update(**arguments)
-        self.status = self.solver.solve()
-
     def solution(self, problem: Problem) -> Solution:
         r = self.solver.result
         multipliers = r.y, r.z_u, r.z_bu - r.z_bl
-        return answered(problem, self.status == self.solved, r.x, multipliers)
+        return answered(problem, self.answer == self.solved, r.x, multipliers)
 
 
-class Stacked:
+class Stacked(Workspace):
     """A solver of rows lower <= C x <= upper: those of G, of A, and bounds.
 
     `order` has the parts that are rows, by their vectors; `names` are those of q, lower
@@ -118,7 +114,7 @@ class Stacked:
             self.order = ("h",)
         rows = {"h": G, "b": A, "box": sp.eye(q.size)}
         C = sp.vstack([sp.csc_matrix(rows[part]) for part in self.order], format="csc")
-        self.setup(P, A, C, eps)
+        self.setup(P, A, C, self.prepared(self.now), eps)
 
     def sides(self, part: str) -> tuple[np.ndarray, np.ndarray]:
         now = self.now
@@ -130,7 +126,11 @@ class Stacked:
         self.now = self.now | vectors
         q, l, u = self.names
         arguments = {q: vectors["q"]} if "q" in vectors else {}
-        if vectors.keys() - ({"q"} if "b" in self.order else {"q", "b"}):
+        changed = vectors.keys() - {"q"}
+        if "b" in changed and "b" not in self.order:
+            changed -= {"b"}
+            arguments |= {"b": vectors["b"]} if vectors["b"].size else {}
+        if changed:
             lower, upper = zip(*map(self.sides, self.order), strict=True)
             arguments[l] = np.maximum(np.concatenate(lower), -self.infinity)
             arguments[u] = np.minimum(np.concatenate(upper), self.infinity)
@@ -150,22 +150,17 @@ class Daqp(Stacked):
     names = "f", "blower", "bupper"
     infinity = INFINITY
 
-    def setup(self, P: Any, A: Any, C: sp.csc_matrix, eps: float) -> None:
+    def setup(self, P: Any, A: Any, C: Any, now: Vectors, eps: float) -> None:
         import daqp
 
         rows = C.toarray()[P.shape[0] :]  # the bounds are not among them
         sense = np.zeros(C.shape[0], dtype=np.int32)
         sense[C.shape[0] - A.shape[0] :] = 5  # equations
-        self.model = daqp.Model()
-        now = self.prepared(self.now)
-        P = P.toarray() if sp.issparse(P) else P
-        self.model.setup(P, now["f"], rows, now["bupper"], now["blower"], sense)
-        self.model.settings = told("daqp", eps)
-        self.answer = self.model.solve()
-
-    def step(self, arguments: Vectors) -> None:
-        self.model.update(**arguments)
-        self.answer = self.model.solve()
+        self.solver = daqp.Model()
+        sides = now["bupper"], now["blower"]
+        self.solver.setup(qps.dense(P), now["f"], rows, *sides, sense)
+        self.solver.settings = told("daqp", eps)
+        self.answer = self.solver.solve()
 
     def solution(self, problem: Problem) -> Solution:
         x, _, flag, info = self.answer
@@ -179,49 +174,36 @@ class Proxqp(Stacked):
     names = "g", "l", "u"
     infinity = 1e20
 
-    def setup(self, P: Any, A: Any, C: sp.csc_matrix, eps: float) -> None:
+    def setup(self, P: Any, A: Any, C: Any, now: Vectors, eps: float) -> None:
         from proxsuite import proxqp
 
         room = proxqp.sparse if sp.issparse(P) else proxqp.dense
-        if not sp.issparse(P):
-            A, C = (M.toarray() if sp.issparse(M) else M for M in (A, C))
-        form = sp.csc_matrix if sp.issparse(P) else np.asarray
-        self.qp = room.QP(P.shape[0], A.shape[0], C.shape[0])
+        form = sp.csc_matrix if sp.issparse(P) else qps.dense
+        self.solver = room.QP(P.shape[0], A.shape[0], C.shape[0])
         for key, value in told("proxqp", eps).items():
-            setattr(self.qp.settings, key, value)
+            setattr(self.solver.settings, key, value)
         start = proxqp.InitialGuess.WARM_START_WITH_PREVIOUS_RESULT
-        self.qp.settings.initial_guess = start
+        self.solver.settings.initial_guess = start
         self.solved = proxqp.QPSolverOutput.PROXQP_SOLVED
-        now = self.prepared(self.now)
-        equations = (form(A), self.now["b"]) if A.shape[0] else (None, None)
-        self.qp.init(form(P), now["g"], *equations, form(C), now["l"], now["u"])
-        self.qp.solve()
-
-    def prepared(self, vectors: Vectors) -> Vectors:
-        arguments = super().prepared(vectors)
-        if "b" in vectors and vectors["b"].size:
-            arguments["b"] = vectors["b"]
-        return arguments
-
-    def step(self, arguments: Vectors) -> None:
-        self.qp.update(**arguments)
-        self.qp.solve()
+        equations = (form(A), now["b"]) if A.shape[0] else (None, None)
+        self.solver.init(form(P), now["g"], *equations, form(C), now["l"], now["u"])
+        self.solver.solve()
 
     def solution(self, problem: Problem) -> Solution:
-        r = self.qp.results
+        r = self.solver.results
         return self.answered(problem, r.info.status == self.solved, r.x, r.z, r.y)
 
 
 class Osqp(Stacked):
     """OSQP."""
 
-    def setup(self, P: Any, A: Any, C: sp.csc_matrix, eps: float) -> None:
+    def setup(self, P: Any, A: Any, C: Any, now: Vectors, eps: float) -> None:
         import osqp
 
         self.solver = osqp.OSQP()
         options = told("osqp", eps) | {"max_iter": 100_000, "verbose": False}
         P = sp.triu(P, format="csc")
-        self.solver.setup(P=P, A=C, **self.prepared(self.now), **options)
+        self.solver.setup(P=P, A=C, **now, **options)
         self.answer = self.solver.solve(raise_error=False)
 
     def step(self, arguments: Vectors) -> None:

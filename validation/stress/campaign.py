@@ -22,7 +22,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from validation.harness import Bench, Job, Row, cli, csv_files, machine, tables
+from validation.harness import Bench, Job, Row, cli, machine, tables
 from validation.problems import infeasible_cases
 from validation.problems.fuzzed import cases
 from validation.stress import campaign_answers as answers
@@ -34,8 +34,6 @@ SETS = (*cases.CYCLES, *relations.RELATIONS)
 BATCH = 500  # problems between two writings of the CSV
 LIMIT = 5.0  # [s] a problem; the children have GRACE more
 EPS, LOOSE = 1e-6, 10.0  # of the peers; beyond LOOSE EPS "found" is wrong
-
-
 KEY = "seed set solver class truth outcome".split()
 COLUMNS = [*KEY, *"count seconds slowest cases first".split()]
 LISTED = 40  # indices of a class and outcome in the CSV
@@ -79,12 +77,12 @@ class Tally:
 
     def write(self) -> None:
         new = self.path.with_suffix(".part")
-        csv_files.write(new, self.header, [self.rows[key] for key in sorted(self.rows)])
+        tables.write(new, self.header, [self.rows[key] for key in sorted(self.rows)])
         os.replace(new, self.path)
 
 
 def read(path: Path) -> Iterator[Row]:
-    for row in csv_files.read(path):
+    for row in tables.read(path):
         numbers = {name: int(row[name]) for name in ("seed", "count")}
         times = {name: float(row[name] or 0.0) for name in ("seconds", "slowest")}
         yield row | numbers | times
@@ -111,7 +109,7 @@ def judged(case: cases.Case, answer: judge.Answer, own: bool) -> tuple[str, str,
         told = case.problem, case.truth, answer, answers.NAM_LCP
         return case.truth, *judge.judge_lcp(*told)
     truth, qp = truth_of(case), answers.clean(case.problem)
-    tolerance = answers.NAM if own else judge.Tolerance(EPS, EPS, LOOSE)
+    tolerance = judge.NAM if own else judge.Tolerance(EPS, EPS, LOOSE)
     return truth, *judge.judge_qp(qp, truth, answer, tolerance, own)
 
 
@@ -163,9 +161,8 @@ def run(args: argparse.Namespace) -> int:
         print(f"{part}: {tally.done(part)['count']} problems", flush=True)
     shown = "set class:30 truth solver outcome count first:60"
     rows = tally.rows.values()
-    tables.print_rows(
-        (row for row in rows if row["outcome"] not in ("right", "done")), shown
-    )
+    others = (row for row in rows if row["outcome"] not in ("right", "done"))
+    tables.print_rows(others, shown)
     ours = (row["outcome"] for row in rows if row["solver"] == "nam")
     return int(not {"right", "refused", "done"}.issuperset(ours))
 

@@ -8,17 +8,26 @@ and HiGHS (`infeasible_cases`) decides what was not constructed. The outcomes:
 - refused: no answer claimed;
 - wrong: an answer that the definition contradicts;
 - raised: an exception where none belongs, or one that does not say what is wrong.
+
+A closest point of an infeasible QP is judged by its two problems. The first, least
+shifts, has for shifts of 2-norm the multipliers v = shift of its rows: a point is its
+solution if and only if C'v plus multipliers of the bounds vanish, with the signs that
+the bounds allow. For shifts of 1-norm HiGHS says how large their sum is. The second,
+least cost, is the shifted QP.
 """
 
 import re
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.optimize import linprog
 
+Verdict = tuple[str, str]  # the outcome, and why it is not right
 ROUNDING = 1e-14  # of the terms of a residual, which the judge adds up in another order
-POINT = "x", "y", "z", "z_box"
 PROOF = 1.01e-8  # residual of a certificate over its largest entry, without rounding
 SLOPE = 1e-12  # of an LCP's ray, relative to its terms
+LEAST = 1e-6  # excess of a sum of shifts over HiGHS's, which stops at 1e-7
+AT_BOUND = 1e-8  # relative distance to a bound that may have a multiplier
 
 
 class Answer(NamedTuple):
@@ -49,6 +58,9 @@ class Tolerance(NamedTuple):
         """Tell whether it does; `terms` is what the sum rounds with."""
         allowed = self.factor * (self.eps_abs + self.eps_rel * size)
         return residual <= allowed + ROUNDING * terms
+
+
+NAM = Tolerance(1e-9, 1e-10)  # the defaults of namlcp
 
 
 def largest(*arrays: np.ndarray) -> Any:
@@ -213,7 +225,7 @@ def lcp_ray_faults(lcp: Any, v: np.ndarray) -> str:
     return "ray: rounding alone" if SLOPE * rounding > 1.0 else ""
 
 
-def judge_malformed(answer: Answer, name: str) -> tuple[str, str]:
+def judge_malformed(answer: Answer, name: str) -> Verdict:
     if answer.said != "error":
         return "wrong", f"{name} malformed: {answer.said}"
     named = re.search(rf"\b{name}\b", answer.words) is not None
@@ -224,13 +236,12 @@ def judge_malformed(answer: Answer, name: str) -> tuple[str, str]:
 
 def judge_qp(
     qp: Any, truth: str, answer: Answer, tolerance: Tolerance, proofs: bool
-) -> tuple[str, str]:
-    """Return the outcome, and why it is not right; truth as in `fuzzed.qps`."""
+) -> Verdict:
+    """Judge an answer; truth as in `fuzzed.qps`."""
     said = answer.said
     if said == "error":
-        fitting = truth in ("not convex", "near", "far") and issubclass(
-            answer.kind or KeyError, ValueError
-        )
+        fitting = truth in ("not convex", "near", "far")
+        fitting = fitting and issubclass(answer.kind or KeyError, ValueError)
         side, P = "h must be +inf", "P must be positive semidefinite"
         named = (side if truth == "far" else P) in answer.words
         return ("right" if fitting and named else "raised"), answer.words
@@ -239,7 +250,7 @@ def judge_qp(
     why = ""
     if truth == "far":
         qp = type(qp)(*wide(qp))
-        answer = answer._replace(**dict(zip(POINT, wide(answer[1:5]), strict=True)))
+        answer = Answer(answer.said, *wide(answer[1:5]), *answer[5:])
     if said == "solved":
         why = qp_faults(qp, answer.x, answer.y, answer.z, answer.z_box, tolerance)
         if proofs and not why:
@@ -258,7 +269,7 @@ def judge_qp(
     return ("wrong" if why else "right"), why
 
 
-def judge_lcp(lcp: Any, truth: str, answer: Answer, eps_rel: float) -> tuple[str, str]:
+def judge_lcp(lcp: Any, truth: str, answer: Answer, eps_rel: float) -> Verdict:
     if truth == "far":
         lcp, truth = type(lcp)(*wide(lcp)), "near"
     if answer.said == "error":
@@ -276,3 +287,76 @@ def judge_lcp(lcp: Any, truth: str, answer: Answer, eps_rel: float) -> tuple[str
         if truth == "unsolvable":
             why = f"called solved {why}"
     return ("wrong" if why else "right"), why
+
+
+def judge_closest(qp: Any, norm: int, bounds_stay: bool, found: Any) -> Verdict:
+    said = found.status.value
+    if said == "primal_infeasible":
+        clear = (qp.lb > qp.ub).any() and bounds_stay
+        clear |= (qp.h == -np.inf).any() or (qp.lb == np.inf).any()
+        return ("right", "") if clear else ("wrong", "called impossible")
+    if said not in ("solved", "dual_infeasible"):
+        return "refused", f"{said}, {found.message}"
+    why = first_faults(qp, norm, bounds_stay, found)
+    if not why and said == "dual_infeasible":
+        free = np.full(qp.q.size, np.inf)
+        cone = qp if bounds_stay else qp._replace(lb=-free, ub=free)
+        why = ray_faults(cone, found.x)
+        if not why and not bounds_stay and largest_fall(qp, found.x) > PROOF:
+            why = "ray: into a bound"
+    elif not why:
+        sides = ("h", "b", "lb", "ub")
+        moved = {k: getattr(qp, k) + getattr(found, f"shift_{k}") for k in sides}
+        shifted = qp._replace(**moved)
+        why = qp_faults(shifted, found.x, found.y, found.z, found.z_box, NAM)
+    return ("wrong", why) if why else ("right", "")
+
+
+def largest_fall(qp: Any, d: np.ndarray) -> float:
+    """Return how far a ray runs into bounds, relative to its largest entry."""
+    into = np.where(np.isfinite(qp.lb), np.maximum(-d, 0.0), 0.0)
+    into = np.maximum(into, np.where(np.isfinite(qp.ub), d, 0.0))
+    return largest(into) / largest(d)
+
+
+def first_faults(qp: Any, norm: int, bounds_stay: bool, found: Any) -> str:
+    """Return what is wrong with the shifts, "" if they are the least."""
+    s, t = found.shift_h, found.shift_b
+    low, up = found.shift_lb, found.shift_ub
+    if not np.isfinite(np.concatenate((s, t, low, up))).all():
+        return "shifts: not finite"
+    if (s < 0.0).any() or (up < 0.0).any() or (low > 0.0).any():
+        return "shifts: a sign"
+    if bounds_stay and (low.any() or up.any()):
+        return "shifts: of bounds"
+    if norm == 1:
+        total, least = float(s.sum() + np.abs(t).sum()), least_sum(qp)
+        far = total > least + LEAST * (1.0 + least)
+        return f"shifts: {total}, not {least}" if far else ""
+    if found.status.value != "solved":
+        return ""  # there is no point to tell which bounds hold
+    force = -(qp.G.T @ s + qp.A.T @ t)
+    terms = largest(np.abs(qp.G.T) @ s + np.abs(qp.A.T) @ np.abs(t), up, low)
+    if bounds_stay:
+        x = found.x
+        at_lb = x - qp.lb <= AT_BOUND * (1.0 + np.abs(qp.lb))
+        at_ub = qp.ub - x <= AT_BOUND * (1.0 + np.abs(qp.ub))
+        rest = np.where(at_lb, np.maximum(force, 0.0), force)
+        rest = np.where(at_ub, np.minimum(rest, 0.0), rest)
+    else:
+        rest = force - up - low
+    error = largest(rest)
+    least = NAM.allows(error, terms, terms)
+    return "" if least else f"shifts: not least, {error:.1e} of {terms:.1e}"
+
+
+def least_sum(qp: Any) -> float:
+    on = np.isfinite(qp.h)
+    G, h, A, b = qp.G[on], qp.h[on], qp.A, qp.b
+    n, m, p = qp.q.size, h.size, b.size
+    cost = np.concatenate((np.zeros(n), np.ones(m + 2 * p)))
+    rows = np.hstack((G, -np.eye(m), np.zeros((m, 2 * p))))
+    equations = np.hstack((A, np.zeros((p, m)), -np.eye(p), np.eye(p)))
+    sides = np.column_stack((qp.lb, qp.ub)).tolist() + [(0.0, None)] * (m + 2 * p)
+    answer = linprog(cost, rows, h, equations, b, sides, method="highs")
+    return float(answer.fun) if answer.status == 0 else np.inf

@@ -6,8 +6,7 @@
   malformed item among some; every item beside a single solve.
 - derivatives: beside differences, on problems around planted solutions
   (`derivatives.differences`), and one-sided ones of fuzzed QPs.
-- closest: the closest feasible problem of infeasible QPs, by the definition
-  (`campaign_closest`).
+- closest: the closest feasible problem of infeasible QPs, by the definition.
 
 What the fresh or single solve has proved, by the judge's definition, is true of a QP;
 the other answer is judged by the definition, and by that. At the edge of the tolerances
@@ -27,17 +26,18 @@ from namlcp.qp import QP
 from validation.derivatives import cases as planted
 from validation.derivatives import differences
 from validation.problems.fuzzed import cases, draw, qps
-from validation.stress.campaign_answers import NAM, clean, qp_answer
-from validation.stress.campaign_closest import closest
-from validation.stress.campaign_judge import Answer, judge_qp
+from validation.stress import campaign_judge as judge
+from validation.stress.campaign_answers import clean, qp_answer
+from validation.stress.campaign_judge import NAM, Answer, Verdict
 
 STEPS = 6  # solves of a sequence
 ITEMS = 5  # QPs of a batch
 MALFORMED = 0.3  # share of the batches with such an item
-ERROR, ADJOINT = 1e-7, 1e-10  # of regular derivatives, as `derivatives` claims
 DIFFERENCE = 1e-4  # relative error of a one-sided difference
 LENGTHS = 1e-2, 1e-4, 1e-6  # by which x moves for it: x is piecewise linear, and rounds
-Verdict = tuple[str, str]  # the outcome, and why it is not right
+SOFT = namlcp.Relaxation(lb=1.0, ub=1.0)
+CHOICES = ("closest", 2, True), ("elastic", 1, True), (SOFT, 2, False)
+"""What is asked for, the norm of the shifts, and whether bounds stay."""
 Check = Callable[[int, int], Verdict]
 RIGHT = "right", ""
 
@@ -54,13 +54,13 @@ def agreement(qp: QP, alone: Answer, other: Answer) -> Verdict:
     if alone.said == "error":  # not convex by rounding
         silent = other.said in ("error", "refused")
         return RIGHT if silent else ("wrong", f"{other.said}, alone: {alone.words}")
-    outcome, why = judge_qp(clean(qp), "near", alone, NAM, proofs=True)
+    outcome, why = judge.judge_qp(clean(qp), "near", alone, NAM, proofs=True)
     if outcome == "wrong":
         return outcome, f"alone: {why}"
     truth = "near"
     if outcome == "right":
         truth = "solvable" if alone.said == "solved" else "both"
-    outcome, why = judge_qp(clean(qp), truth, other, NAM, proofs=True)
+    outcome, why = judge.judge_qp(clean(qp), truth, other, NAM, proofs=True)
     if outcome == "refused" and truth == "near":
         return RIGHT
     if outcome == "wrong" and why == f"called {other.said}":
@@ -69,31 +69,28 @@ def agreement(qp: QP, alone: Answer, other: Answer) -> Verdict:
 
 
 def sequence(maker: cases.Maker, d: draw.Draw) -> Verdict:
-    qp, _ = maker(d)
+    old, (qp, _) = None, maker(d)
     wrap = sp.csc_array if d.chance(0.4) else np.asarray
-    given = {k: wrap(v) if v.ndim == 2 else v for k, v in qp._asdict().items()}
-    try:
-        solver = namlcp.Solver(**given)
-    except ValueError as error:
-        alone = answer_of(partial(namlcp.solve_qp, **given))
-        return agreement(qp, alone, Answer("error", words=str(error)))
-    for step in range(STEPS):
-        alone = answer_of(partial(namlcp.solve_qp, **given))
-        outcome, why = agreement(qp, alone, answer_of(solver.solve))
-        if outcome != "right":
-            return outcome, f"step {step}: {why}"
-        new = qps.changed(d, qp)
+    given: dict[str, Any] = {}
+    for step in range(STEPS + 1):
         given |= {
             name: wrap(value) if value.ndim == 2 else value
-            for name, value in new._asdict().items()
-            if value is not getattr(qp, name)
+            for name, value in qp._asdict().items()
+            if value is not getattr(old, name, None)
         }
+        alone = partial(namlcp.solve_qp, **given)
         try:
-            solver.update(**given)
+            if step == 0:
+                solver = namlcp.Solver(**given)
+            else:
+                solver.update(**given)
         except ValueError as error:
-            alone = answer_of(partial(namlcp.solve_qp, **given))
-            return agreement(new, alone, Answer("error", words=str(error)))
-        qp = new
+            return agreement(qp, answer_of(alone), Answer("error", words=str(error)))
+        if step < STEPS:
+            outcome, why = agreement(qp, answer_of(alone), answer_of(solver.solve))
+            if outcome != "right":
+                return outcome, f"step {step}: {why}"
+            old, qp = qp, qps.changed(d, qp)
     return RIGHT
 
 
@@ -103,11 +100,10 @@ def batch(maker: cases.Maker, d: draw.Draw) -> Verdict:
     change = qps.changed if d.chance(0.5) else qps.moved_vectors
     items += [change(d, items[0]) for _ in range(ITEMS - 1)]
     arguments, stacked = {}, False
-    for name, first in items[0]._asdict().items():
-        same = all(getattr(item, name) is first for item in items)
+    for name, values in zip(QP._fields, zip(*items, strict=True), strict=True):
+        same = all(value is values[0] for value in values)
         once = same and d.chance(0.7)
-        values = np.stack([getattr(item, name) for item in items])
-        arguments[name] = first if once else values
+        arguments[name] = values[0] if once else np.stack(values)
         stacked = stacked or not once
     bad = int(d.rng.integers(ITEMS)) if d.chance(MALFORMED) else None
     if bad is not None or not stacked:  # one argument at least has a batch axis
@@ -125,9 +121,9 @@ def batch(maker: cases.Maker, d: draw.Draw) -> Verdict:
             return "wrong", f"{name} of two runs, on one thread and on two, differ"
     for k, (item, alone) in enumerate(zip(items, singles, strict=True)):
         if k == bad:
-            outcome, why = RIGHT
-            if one[k].status is not namlcp.Status.INVALID:
-                outcome, why = "wrong", f"malformed: {one[k].status.value}"
+            said = one[k].status
+            known = said is namlcp.Status.INVALID
+            outcome, why = RIGHT if known else ("wrong", f"malformed: {said.value}")
         else:
             outcome, why = agreement(item, alone, qp_answer(one[k]))
         if outcome != "right":
@@ -166,11 +162,27 @@ def at_kink(family: Callable[[int], QP], seed: int, number: int) -> Verdict:
     return one_sided(qp, planted.direction(qp, number, names[number % len(names)]))
 
 
-def regular(function: Any, right: float, seed: int, number: int) -> Verdict:
+def regular(about: tuple[str, str], seed: int, number: int) -> Verdict:
+    function, right = differences.FAMILIES[about]
     error, gap = function(10**7 * seed + number)
-    if error <= right and gap <= ADJOINT:
+    if error <= right and gap <= differences.ADJOINT:
         return RIGHT
     return "wrong", f"off by {error:.1e}, adjoint by {gap:.1e}"
+
+
+def closest(maker: cases.Maker, d: draw.Draw) -> Verdict:
+    """Judge a closest point; nothing if the QP is feasible."""
+    qp, _ = maker(d)
+    choice, norm, bounds_stay = CHOICES[int(d.rng.integers(len(CHOICES)))]
+    wrap = sp.csc_array if d.chance(0.5) else np.asarray
+    given = {k: wrap(v) if v.ndim == 2 else v for k, v in qp._asdict().items()}
+    result = namlcp.solve_qp(**given, infeasible=choice)
+    if result.closest is None:
+        return RIGHT
+    verdict = judge.judge_qp(clean(qp), "both", qp_answer(result), NAM, proofs=True)
+    if verdict != RIGHT:
+        return verdict
+    return judge.judge_closest(clean(qp), norm, bounds_stay, result.closest)
 
 
 def drawn(check: Any, maker: cases.Maker, seed: int, number: int) -> Verdict:
@@ -188,11 +200,9 @@ RELATIONS: dict[str, dict[str, Check]] = {
     "sequences": of_fuzzed(sequence, cases.CONVEX),
     "batches": of_fuzzed(batch, cases.CONVEX),
     "derivatives": {
-        "derivative QP": partial(regular, differences.regular_qp, ERROR),
-        "derivative LCP": partial(regular, differences.regular_lcp, ERROR),
-        "derivative weak lcp": partial(
-            regular, differences.lcp_kink_error, differences.RIGHT
-        ),
+        "derivative QP": partial(regular, ("QP", "all")),
+        "derivative LCP": partial(regular, ("LCP", "all")),
+        "derivative weak lcp": partial(regular, ("weak_lcp", "A, q")),
         **{
             f"derivative {family.__name__.replace('_', ' ')}": partial(at_kink, family)
             for family in planted.KINKS

@@ -53,7 +53,6 @@ MALFORMED = ("malformed QP", "malformed LCP")
 OFTEN = (qps.strictly_convex, qps.semidefinite_cost, qps.infeasible, qps.unbounded)
 CLASSES = (*CONVEX, *OFTEN, *OTHER_QPS, *LCPS, *MALFORMED)
 
-
 CYCLES: dict[str, tuple[Maker | str, ...]] = {
     "every": CLASSES,
     "general": (lcps.friction, lcps.game, lcps.strictly_copositive, lcps.copositive,

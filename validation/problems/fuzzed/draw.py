@@ -82,9 +82,8 @@ class Draw:
     def nearly_singular(self, n: int) -> np.ndarray:
         """Return a semidefinite matrix plus 10^U(-12, -6) of its size times I."""
         P = self.semidefinite(n)
-        return P + self.power(-12, -6) * max(1.0, np.abs(P).max(initial=0.0)) * np.eye(
-            n
-        )
+        size = max(1.0, np.abs(P).max(initial=0.0))
+        return P + self.power(-12, -6) * size * np.eye(n)
 
     def diagonal(self, n: int) -> np.ndarray:
         """Return a diagonal of positive numbers, a fifth of them zero."""

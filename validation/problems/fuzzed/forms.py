@@ -12,6 +12,7 @@ import scipy.sparse as sp
 
 Rng = np.random.Generator
 Arguments = dict[str, Any]
+Form = Callable[[Rng, np.ndarray], Any]
 
 LAYOUTS = ("csc", "csr", "coo", "bsr", "lil", "dok", "dia")
 NARROW = (np.int64, np.int32, np.int16, np.float32, np.float16, bool)
@@ -46,7 +47,7 @@ def other_type(rng: Rng, values: np.ndarray) -> np.ndarray:
 # What an absent argument stands for.
 ABSENT = {"lb": -np.inf, "ub": np.inf, "lower": 0.0, "upper": np.inf}
 
-DENSE: tuple[Callable[[Rng, np.ndarray], Any], ...] = (
+DENSE: tuple[Form, ...] = (
     lambda rng, values: values,
     lambda rng, values: np.asfortranarray(values),
     lambda rng, values: read_only(values),
@@ -75,10 +76,8 @@ def sparse_form(rng: Rng, values: np.ndarray) -> Any:
 
 def wrap_loose(rng: Rng, values: np.ndarray, layout: str, wrap: Any) -> Any:
     """Return a matrix with entries out of order, in two parts, or zeros stored."""
-    rows, columns = np.nonzero(values)
-    zeros = rng.random(values.shape) < 0.05 * rng.integers(0, 2)
-    i = np.concatenate((rows, np.nonzero(zeros & (values == 0.0))[0]))
-    j = np.concatenate((columns, np.nonzero(zeros & (values == 0.0))[1]))
+    zeros = (rng.random(values.shape) < 0.05 * rng.integers(0, 2)) & (values == 0.0)
+    i, j = np.hstack((np.nonzero(values), np.nonzero(zeros)))
     data = values[i, j]
     twice = rng.random(i.size) < 0.3 * rng.integers(0, 2)
     data = np.concatenate((np.where(twice, data / 2.0, data), data[twice] / 2.0))
@@ -115,7 +114,7 @@ def vector_form(rng: Rng, values: np.ndarray) -> Any:
 
 
 # A fault takes the argument as a clean array and returns it spoiled, None if it cannot.
-def with_entry(value: float) -> Callable[[Rng, np.ndarray], Any]:
+def with_entry(value: float) -> Form:
 
     def fault(rng: Rng, values: np.ndarray) -> Any:
         if not values.size:
@@ -136,7 +135,7 @@ def corrupt(rng: Rng, values: np.ndarray) -> Any:
     return C
 
 
-NUMBERS: tuple[Callable[[Rng, np.ndarray], Any], ...] = (
+NUMBERS: tuple[Form, ...] = (
     with_entry(np.nan),
     lambda rng, values: values.astype(complex),
     lambda rng, values: values.astype(str),
@@ -149,7 +148,7 @@ NUMBERS: tuple[Callable[[Rng, np.ndarray], Any], ...] = (
     corrupt,
 )
 INFINITE = (with_entry(np.inf), with_entry(-np.inf))
-LENGTH: tuple[Callable[[Rng, np.ndarray], Any], ...] = (
+LENGTH: tuple[Form, ...] = (
     lambda rng, values: np.append(values, 0.0),
     lambda rng, values: values[:-1] if values.size else None,
     lambda rng, values: np.ones((2, values.size + 2)),
@@ -170,23 +169,18 @@ def wider(rng: Rng, values: np.ndarray) -> Any:
     return np.hstack((values, np.ones((values.shape[0], 1))))
 
 
-SHAPED = (*NUMBERS, *LENGTH)
 # What may be wrong with each argument. A QP's sides may be infinite.
-QP_FAULTS: dict[str, tuple[Callable[[Rng, np.ndarray], Any], ...]] = {
-    "P": (*NUMBERS, *INFINITE, unsymmetric, wider),
-    "q": (*SHAPED, *INFINITE),
-    "G": (*NUMBERS, *INFINITE, wider),
-    "h": SHAPED,
-    "A": (*NUMBERS, *INFINITE, wider),
-    "b": (*SHAPED, *INFINITE),
-    "lb": SHAPED,
-    "ub": SHAPED,
-}
+SIDES = (*NUMBERS, *LENGTH)
+VECTOR, MATRIX = (*SIDES, *INFINITE), (*NUMBERS, *INFINITE, wider)
+QP_FAULTS: dict[str, tuple[Form, ...]] = {
+    "P": (*NUMBERS, *INFINITE, unsymmetric, wider), "q": VECTOR,
+    "G": MATRIX, "h": SIDES, "A": MATRIX, "b": VECTOR, "lb": SIDES, "ub": SIDES,
+}  # fmt: skip
 LCP_FAULTS = {
-    "A": (*NUMBERS, *INFINITE, wider),
-    "q": (*SHAPED, *INFINITE),
-    "lower": (*SHAPED, lambda rng, values: np.full(values.size, np.inf)),
-    "upper": (*SHAPED, lambda rng, values: np.full(values.size, -np.inf)),
+    "A": MATRIX,
+    "q": VECTOR,
+    "lower": (*SIDES, lambda rng, values: np.full(values.size, np.inf)),
+    "upper": (*SIDES, lambda rng, values: np.full(values.size, -np.inf)),
 }
 
 

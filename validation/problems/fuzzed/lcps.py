@@ -10,29 +10,20 @@ It returns A, q, lower, upper and what is true of them:
 - near: nothing is known, any answer that can be proved is right.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 import scipy.linalg
 
 from namlcp.scenes.friction import friction_lcp
+from validation.problems import contact_scenes as piles
 from validation.problems.fuzzed.draw import MOST_VARIABLES, Draw, symmetric
-from validation.problems.general import games, piles
+from validation.problems.general.families import random_game
+from validation.problems.known_scenes import BoxLCP, nonnegative
 
 INF = np.inf
 SEEDS = 2**31
 
 
-class LCP(NamedTuple):
-    """z in [lower, upper], w = A z + q, w >= 0 at lower, <= 0 at upper, else 0."""
-
-    A: np.ndarray
-    q: np.ndarray
-    lower: np.ndarray
-    upper: np.ndarray
-
-
-Truth = tuple[LCP, str]
+Truth = tuple[BoxLCP, str]
 
 
 def box(draw: Draw, n: int) -> tuple[np.ndarray, np.ndarray]:
@@ -49,7 +40,7 @@ def box(draw: Draw, n: int) -> tuple[np.ndarray, np.ndarray]:
     return lower, upper
 
 
-def planted(draw: Draw, A: np.ndarray, weak: float = 0.1) -> LCP:
+def planted(draw: Draw, A: np.ndarray, weak: float = 0.1) -> BoxLCP:
     """Return an LCP around a random pair (z, w); a share `weak` at bounds has w = 0."""
     n = A.shape[0]
     lower, upper = box(draw, n)
@@ -61,12 +52,12 @@ def planted(draw: Draw, A: np.ndarray, weak: float = 0.1) -> LCP:
     between = np.where(low, lower + room, np.where(high, upper - room, draw.numbers(n)))
     z = np.where(at_low, lower, np.where(at_high, upper, between))
     w = draw.positive(n) * ~draw.some(n, weak) * (1.0 * at_low - 1.0 * at_high)
-    return LCP(A, w - A @ z, lower, upper)
+    return BoxLCP(A, w - A @ z, lower, upper)
 
 
-def random_side(draw: Draw, A: np.ndarray) -> LCP:
+def random_side(draw: Draw, A: np.ndarray) -> BoxLCP:
     """Return an LCP with a random q: for P-matrices there is always a solution."""
-    return LCP(A, draw.numbers(A.shape[0]), *box(draw, A.shape[0]))
+    return BoxLCP(A, draw.numbers(A.shape[0]), *box(draw, A.shape[0]))
 
 
 def order(draw: Draw) -> int:
@@ -190,14 +181,14 @@ def general_box(draw: Draw) -> Truth:
     n = order(draw)
     lower = draw.numbers(n)
     upper = lower + draw.positive(n)
-    return LCP(draw.matrix(n, n), draw.numbers(n), lower, upper), "possible"
+    return BoxLCP(draw.matrix(n, n), draw.numbers(n), lower, upper), "possible"
 
 
 def anything(draw: Draw) -> Truth:
     return random_side(draw, draw.matrix(*(order(draw),) * 2)), "near"
 
 
-def scaled_lcp(draw: Draw, decades: float) -> LCP:
+def scaled_lcp(draw: Draw, decades: float) -> BoxLCP:
     """Return D A D of a definite or planted semidefinite A, and q, bounds to match."""
     n = order(draw)
     if draw.chance(0.5):
@@ -208,7 +199,7 @@ def scaled_lcp(draw: Draw, decades: float) -> LCP:
     if draw.chance(0.3):
         d = np.full(n, d[0])
     A, q, lower, upper = lcp
-    return LCP(c * symmetric(A * d[:, None] * d), c * q * d, lower / d, upper / d)
+    return BoxLCP(c * symmetric(A * d[:, None] * d), c * q * d, lower / d, upper / d)
 
 
 def scaled(draw: Draw) -> Truth:
@@ -227,10 +218,10 @@ def far_scales(draw: Draw) -> Truth:
     c = draw.power(-75, 75)
     lower = np.where(np.abs(lcp.lower) < 1e19, lcp.lower, -INF)
     upper = np.where(np.abs(lcp.upper) < 1e19, lcp.upper, INF)
-    return LCP(c * lcp.A, c * lcp.q, lower, upper), "far"
+    return BoxLCP(c * lcp.A, c * lcp.q, lower, upper), "far"
 
 
-def without_solution(draw: Draw, skew: bool) -> LCP:
+def without_solution(draw: Draw, skew: bool) -> BoxLCP:
     """Return semidefinite A, A v = 0, v >= 0, q'v < 0, in whole numbers: exactly so."""
     draw.whole = True
     n = order(draw)
@@ -249,7 +240,7 @@ def without_solution(draw: Draw, skew: bool) -> LCP:
     free = (v == 0.0) & draw.some(n, 0.3)
     lower[free] = -1.0
     upper[free] = 1.0
-    return LCP(A, q, lower, upper)
+    return BoxLCP(A, q, lower, upper)
 
 
 def unsolvable(draw: Draw) -> Truth:
@@ -270,10 +261,6 @@ def empty(draw: Draw) -> Truth:
 # always have an equilibrium, and A'v < 0, q'v < 0 with v >= 0 leaves no solution
 
 
-def plain(A: np.ndarray, q: np.ndarray) -> LCP:
-    return LCP(A, q, np.zeros(q.size), np.full(q.size, INF))
-
-
 def friction(draw: Draw) -> Truth:
     """Bodies with friction, in the plane and in space, light ones and heavy ones."""
     seed, size = int(draw.rng.integers(SEEDS)), int(draw.rng.integers(1, 4))
@@ -282,23 +269,22 @@ def friction(draw: Draw) -> Truth:
               piles.pile_of_balls, piles.column_of_cubes)  # fmt: skip
     build = builds[int(draw.rng.integers(len(builds)))]
     A, q = friction_lcp(build(size, mu, ratio=ratio, seed=seed))
-    return plain(A.toarray(), q), "solvable"
+    return nonnegative(A.toarray(), q), "solvable"
 
 
 def game(draw: Draw) -> Truth:
     """Two players, whose payoffs have ties if they are whole numbers."""
     rows, columns = draw.size(1, 30), draw.size(1, 30)
-    rows, columns = max(rows, 1), max(columns, 1)
     seed = int(draw.rng.integers(SEEDS))
-    A, q = games.lcp(*games.payoffs(rows, columns, seed, draw.whole))
+    A, q = random_game(rows, columns, seed, draw.whole)
     mixed = draw.rng.permutation(q.size)
-    return plain(A[np.ix_(mixed, mixed)], q), "solvable"
+    return nonnegative(A[np.ix_(mixed, mixed)], q), "solvable"
 
 
 def strictly_copositive(draw: Draw) -> Truth:
     n = order(draw)
     A = np.abs(draw.matrix(n, n)) + 0.1 * draw.definite(n)
-    return plain(A, draw.numbers(n)), "solvable"
+    return nonnegative(A, draw.numbers(n)), "solvable"
 
 
 def copositive(draw: Draw) -> Truth:
@@ -307,7 +293,7 @@ def copositive(draw: Draw) -> Truth:
     A = np.abs(draw.matrix(n, n)) + draw.semidefinite(n)
     z = draw.positive(n) * draw.some(n, 0.5)
     w = draw.positive(n) * (z == 0.0) * draw.some(n, 0.9)
-    return plain(A, w - A @ z), "possible"
+    return nonnegative(A, w - A @ z), "possible"
 
 
 def unsolvable_general(draw: Draw) -> Truth:
@@ -320,4 +306,4 @@ def unsolvable_general(draw: Draw) -> Truth:
     A = A - np.outer(v, most) / (v @ v)
     q = draw.numbers(n)
     q -= (max(q @ v, 0.0) + draw.one_of(0.01, 1.0)) / (v @ v) * v
-    return plain(A, q), "unsolvable"
+    return nonnegative(A, q), "unsolvable"

@@ -23,6 +23,7 @@ from validation.problems.fuzzed.draw import MOST_ROWS, MOST_VARIABLES, Draw, sym
 INF, Array = np.inf, np.ndarray
 Truth = tuple[QP, str]
 Cost = Callable[[Draw, int], Array]
+Maker = Callable[[Draw], Truth]
 
 
 def planted(
@@ -57,10 +58,7 @@ def ordinary(draw: Draw, P: Array, m: int, p: int) -> Truth:
     return planted(draw, P, draw.matrix(m, n), draw.matrix(p, n))[0], "solvable"
 
 
-def with_cost(
-    name: str, cost: Cost, truth: str = "solvable"
-) -> Callable[[Draw], Truth]:
-
+def with_cost(name: str, cost: Cost, truth: str = "solvable") -> Maker:
     def made(draw: Draw) -> Truth:
         n, m, p = draw.sizes()
         return ordinary(draw, cost(draw, n), m, p)[0], truth
@@ -78,6 +76,12 @@ diagonal_cost = with_cost("diagonal_cost", Draw.diagonal)
 not_convex = with_cost("not_convex", Draw.indefinite, "not convex")
 
 
+def matrices(draw: Draw) -> tuple[Array, Array, Array]:
+    """Return P of any cost, G and A."""
+    n, m, p = draw.sizes()
+    return draw.any_cost(n), draw.matrix(m, n), draw.matrix(p, n)
+
+
 def bounds_alone(draw: Draw) -> Truth:
     n = draw.size(1, MOST_VARIABLES)
     P = draw.any_cost(n)
@@ -87,10 +91,8 @@ def bounds_alone(draw: Draw) -> Truth:
 
 def degenerate(draw: Draw) -> Truth:
     """Most of what holds has multiplier 0, and half of all rows hold."""
-    n, m, p = draw.sizes()
-    P = draw.any_cost(n)
-    qp, x = planted(draw, P, draw.matrix(m, n), draw.matrix(p, n), weak=0.7)
-    touch = draw.some(m, 0.5)
+    qp, x = planted(draw, *matrices(draw), weak=0.7)
+    touch = draw.some(qp.h.size, 0.5)
     return qp._replace(h=np.where(touch, qp.G @ x, qp.h)), "solvable"
 
 
@@ -111,10 +113,8 @@ def dependent_rows(draw: Draw, G: Array, A: Array) -> tuple[Array, Array]:
 
 
 def redundant(draw: Draw) -> Truth:
-    n, m, p = draw.sizes()
-    P = draw.any_cost(n)
-    G, A = dependent_rows(draw, draw.matrix(m, n), draw.matrix(p, n))
-    return planted(draw, P, G, A)[0], "solvable"
+    P, G, A = matrices(draw)
+    return planted(draw, P, *dependent_rows(draw, G, A))[0], "solvable"
 
 
 def modelled(draw: Draw) -> Truth:
@@ -122,15 +122,13 @@ def modelled(draw: Draw) -> Truth:
     n, m, p = draw.sizes()
     n = min(n, 45)
     residuals, single = draw.size(1, 15), draw.size(1, n)
-    P = scipy.linalg.block_diag(
-        draw.any_cost(n), np.diag(draw.rng.integers(0, 3, residuals).astype(float))
-    )
+    P, weights = draw.any_cost(n), draw.rng.integers(0, 3, residuals).astype(float)
+    P = scipy.linalg.block_diag(P, np.diag(weights))
     G = draw.matrix(m, n + residuals)
     G[:, n:] = 0.0
     rows = np.zeros((single, n + residuals))
-    rows[np.arange(single), draw.rng.integers(0, n, single)] = draw.rng.choice(
-        [-2.0, -1.0, 1.0, 0.5], single
-    )
+    entries = draw.rng.choice([-2.0, -1.0, 1.0, 0.5], single)
+    rows[np.arange(single), draw.rng.integers(0, n, single)] = entries
     G = np.vstack((G, rows))[:MOST_ROWS]
     A = np.hstack((draw.matrix(p, n), np.zeros((p, residuals))))
     own = np.hstack((draw.matrix(residuals, n), -np.eye(residuals)))
@@ -146,8 +144,7 @@ def large_sparse(draw: Draw) -> Truth:
 
 def any_solvable(draw: Draw) -> tuple[QP, Array]:
     """Return a QP of any cost, with dependent rows or not, and its solution."""
-    n, m, p = draw.sizes()
-    P, G, A = draw.any_cost(n), draw.matrix(m, n), draw.matrix(p, n)
+    P, G, A = matrices(draw)
     if draw.chance(0.3):
         G, A = dependent_rows(draw, G, A)
     return planted(draw, P, G, A)
@@ -195,9 +192,8 @@ def far_scales(draw: Draw) -> Truth:
 
 def at_bounds(draw: Draw) -> Truth:
     """Bounds on all variables, most of which hold, some with the multiplier 0."""
-    n, m, p = draw.sizes()
-    P, G, A = draw.any_cost(n), draw.matrix(m, n), draw.matrix(p, n)
-    c = draw.power(-3, 3, n)
+    P, G, A = matrices(draw)
+    c = draw.power(-3, 3, len(P))
     P, q, G, h, A, b, lb, ub = planted(draw, P, G, A, weak=0.3, box=1.0)[0]
     P = symmetric(P * c[:, None] * c)
     return QP(P, q * c, G * c, h, A * c, b, lb / c, ub / c), "solvable"
@@ -230,13 +226,11 @@ def empty(draw: Draw) -> Truth:
         m, p = ((0, 2), (2, 0), (0, 0))[int(draw.rng.integers(3))]
         return ordinary(draw, draw.any_cost(n), m, p)
     m, p = (int(k) for k in draw.rng.integers(0, 3, 2))
-    none = np.zeros(0)
+    none, G, A = np.zeros(0), np.zeros((m, 0)), np.zeros((p, 0))
     h = draw.rng.integers(-1, 3, m).astype(float)
     b = draw.rng.integers(0, 2, p).astype(float)
     holds = bool((h >= 0.0).all() and (b == 0.0).all())
-    qp = QP(
-        np.zeros((0, 0)), none, np.zeros((m, 0)), h, np.zeros((p, 0)), b, none, none
-    )
+    qp = QP(np.zeros((0, 0)), none, G, h, A, b, none, none)
     return qp, "solvable" if holds else "infeasible"
 
 
@@ -344,9 +338,8 @@ def wild(draw: Draw) -> Truth:
     ub = np.where(draw.some(n, 0.5), np.maximum(lb, draw.numbers(n) + 2.0), INF)
     slack = draw.one_of(0.0, 2.0, 5.0)
     # nearly singular ones HiGHS would call unbounded
-    cost = (Draw.definite, Draw.semidefinite, Draw.linear, Draw.diagonal)[
-        int(draw.rng.integers(4))
-    ]
+    costs = Draw.definite, Draw.semidefinite, Draw.linear, Draw.diagonal
+    cost = costs[int(draw.rng.integers(4))]
     qp = QP(
         cost(draw, n), draw.numbers(n), draw.matrix(m, n), draw.numbers(m) + slack,
         draw.matrix(p, n), draw.numbers(p), lb, ub,

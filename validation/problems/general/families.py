@@ -6,7 +6,13 @@ Lemke's method finds a solution for every q. `singular copositive` has a zero di
 in places, and q > 0 there, which Lemke's theory covers as well (Cottle, Pang and Stone
 1992, 4.4.12). `copositive-plus`: a block of the first kind and a semidefinite one that
 is not symmetric, around a planted solution. `P0`: principal minors >= 0, those of odd
-order 0, around a planted solution.
+order 0, around a planted solution. Games: two players with payoffs R and C (p x r)
+choose rows and columns at random, with probabilities x and y. In costs r_ij = max R -
+R_ij + 1 > 0 and likewise c,
+
+    w = [0 r; c' 0] (x, y) - 1 >= 0,   (x, y) >= 0,   (x, y)'w = 0
+
+has the equilibria as its solutions, with x and y divided by their sums.
 """
 
 from collections.abc import Callable
@@ -17,8 +23,7 @@ import numpy as np
 import scipy.linalg
 
 from namlcp.scenes.friction import Scene, friction_lcp
-from validation.problems import draw
-from validation.problems.general import games, piles
+from validation.problems import contact_scenes as piles
 
 MU = (0.2, 0.5, 0.9)  # in turn, by the seed
 
@@ -26,7 +31,11 @@ Problem = tuple[Any, np.ndarray]
 
 
 def planted(rng: np.random.Generator, A: np.ndarray) -> Problem:
-    z, w = draw.pair(rng, len(A))
+    """Return the LCP of complementary z and w, half of z positive, a tenth both 0."""
+    n = len(A)
+    kind = rng.random(n)
+    z = rng.exponential(size=n) * (kind < 0.5)
+    w = rng.exponential(size=n) * (kind > 0.6)
     return A, w - A @ z
 
 
@@ -70,9 +79,23 @@ def p0(n: int, seed: int) -> Problem:
     return planted(rng, rng.exponential(size=(n, 1)) * (K - K.T))
 
 
+def game_lcp(R: np.ndarray, C: np.ndarray) -> Problem:
+    R, C = (M.max() - M + 1.0 for M in np.array((R, C), dtype=float))
+    p, r = R.shape
+    A = np.block([[np.zeros((p, p)), R], [C.T, np.zeros((r, r))]])
+    return A, np.full(p + r, -1.0)
+
+
+def random_game(rows: int, columns: int, seed: int, whole: bool) -> Problem:
+    """Return the LCP of uniform payoffs, or whole ones from 0 to 4, with many ties."""
+    rng = np.random.default_rng(seed)
+    shape = 2, rows, columns
+    return game_lcp(*(rng.integers(0, 5, shape) if whole else rng.random(shape)))
+
+
 def game(n: int, seed: int) -> Problem:
     rows = max(1, (3 * n) // 7)
-    return games.lcp(*games.payoffs(rows, n - rows, seed, whole=bool(seed % 2)))
+    return random_game(rows, n - rows, seed, whole=bool(seed % 2))
 
 
 def friction(build: Callable[..., Scene]) -> Callable[..., Problem]:
@@ -92,7 +115,7 @@ FAMILIES: dict[str, Callable[..., Problem]] = {
     "pile": friction(piles.pile_of_discs),
     "wall": friction(piles.wall_of_bricks),
     "chain": friction(piles.pressed_chain),
-    "balls": friction(partial(piles.pile_of_balls, directions=4)),
+    "balls": friction(piles.pile_of_balls),
     "cubes": friction(partial(piles.column_of_cubes, directions=8)),
     "copositive": copositive,
     "singular copositive": singular_copositive,
