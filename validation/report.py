@@ -122,6 +122,7 @@ def run(job: Job, data: Path, out: Path, quick: bool, again: bool) -> str:
     if job.grows and was != f"begun {now}":
         paths["csv"].unlink(missing_ok=True)
     mark.write_text(f"begun {now}")
+    fault = ""
     with (out / "logs" / f"{job.name}.txt").open("w") as log:
         for line in lines:
             script, *words = line.split()
@@ -137,10 +138,11 @@ def run(job: Job, data: Path, out: Path, quick: bool, again: bool) -> str:
             code = done.returncode
             if code == cli.MISSING:
                 return "data are missing"
-            if code:
-                return f"{script} ended with {code}, see {log.name}"
-    mark.write_text(f"done {now}")
-    return ""
+            if code:  # the campaign's, too, where it has found what is wrong
+                fault = f"{script} ended with {code}, see {log.name}"
+    if not fault:
+        mark.write_text(f"done {now}")
+    return fault
 
 
 def run_all(jobs: list[Job], data: Path, out: Path, args: list[bool]) -> Iterator[str]:
