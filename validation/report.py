@@ -59,15 +59,15 @@ def suite(
 
 
 JOBS = (
-    suite("maros-meszaros", "peers.benchmark maros-meszaros", 46.0),
-    suite("benchmark", "peers.benchmark sets", 18.0),
-    suite("work-precision-problems", "peers.work_precision", 15.0, 3.0, plot=True),
-    suite("large", "applications.large", 13.0, plot=True),
-    suite("general-lcps", "general.benchmark families", 7.0, 1.5),
+    suite("maros-meszaros", "peers.benchmark maros-meszaros", 45.0),
+    suite("benchmark", "peers.benchmark sets", 17.0),
+    suite("work-precision-problems", "peers.work_precision", 12.0, 3.0, plot=True),
+    suite("large", "applications.large", 9.0, plot=True),
+    suite("general-lcps", "general.benchmark families", 4.5, 1.5),
     suite("sequences", "repeated.benchmark sequences", 8.0, 0.5),
     suite("classes", "peers.benchmark classes", 3.0),
     suite("cvxpy-models", "applications.modelled models", 4.5),
-    suite("infeasible", "peers.benchmark infeasible", 4.0),
+    suite("infeasible", "peers.benchmark infeasible", 3.0),
     suite("generalisation", "peers.benchmark changes --solvers nam", 4.0),
     suite("latency", "repeated.benchmark latency", 2.0, 0.3, plot=True),
     suite("cvxpy-resolve", "applications.modelled steps", 1.0),
