@@ -46,6 +46,11 @@ def test_both_ways_to_ask_agree(name):
         assert examine(3, i, name) == ("right", ""), (class_of(i, name), i)
 
 
+def test_rows_that_rounding_lets_go_are_no_reason_for_larger_shifts():
+    """Problem 1493 of seed 7: a sum of 7.2, and 9.0 where 22 rows are let go."""
+    assert examine(7, 1493, "closest")[0] in ("right", "refused")
+
+
 def test_a_batch_has_an_argument_with_an_axis():
     """Problem 3027 of seed 9, whose items share all of their arguments."""
     assert examine(9, 3027, "batches") == ("right", "")

@@ -43,6 +43,13 @@ class Rows(NamedTuple):
         r = times(self.C, x) - self.d
         return np.where(self.is_equality, r, np.maximum(r, 0.0))
 
+    def cost(self, x: np.ndarray) -> float:
+        """Return what stage 1 minimises (norm 2: twice that), for these shifts."""
+        r = self.violations(x)
+        soft = np.isfinite(self.weights) & (r != 0.0)
+        r, w = r[soft], self.weights[soft]
+        return float(w @ (r * r if self.norm == 2 else np.abs(r)))
+
     def rounding(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return bounds of the errors of v = w (C x - d), and of C'v.
 

@@ -28,6 +28,9 @@ FINEST = {"eps_abs": 1e-11, "eps_rel": 1e-15}
 """The same where stage 2 fails on what stage 1 says is active: many multipliers and
 slacks that both vanish are left near the square root of their products."""
 
+LARGER = 1.0 + 1e-7
+"""Weighted sum of least shifts over that of stage 1, at most."""
+
 NO_NEAREST = "No shift helps: the constraints that must stay contradict each other. "
 NOT_LEAST = "The search for the least shifts ended with status {}: these are larger. "
 NOT_MINIMISED = (
@@ -95,7 +98,10 @@ def nearest(
         sharper = sharpened()
         if sharper is not None:
             other = least_cost(qp, sharper, limits, exactly)
-            if other.status in (Status.SOLVED, Status.DUAL_INFEASIBLE):
+            # rows let go wrongly would leave a solution with larger shifts
+            most = LARGER * rows.cost(face.x) + limits.eps_abs
+            is_least = other.status is Status.SOLVED and rows.cost(other.x) <= most
+            if is_least or other.status is Status.DUAL_INFEASIBLE:
                 return other
     return found
 
