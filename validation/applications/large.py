@@ -222,8 +222,11 @@ def plot(results: Path, figures: Path) -> None:
             charts.lines(axes, ours, "solver n baseline", lambda _: dashed)
             solved = tables.chosen(own, status="solved")
             charts.lines(axes, solved, "solver n seconds", charts.looks)
-        if axes is grid[0, 0] or title == PILES:
+        if title == PILES:
             axes.legend(fontsize=7.5)
+    # beside the panel of which it is, where there is room
+    names = grid[0, 0].get_legend_handles_labels()
+    grid[0, 1].legend(*names, fontsize=7.5, loc="upper left")
     figure.supxlabel("n", fontsize=9.0)
     figure.supylabel("time [s]", fontsize=9.0)
     charts.save(figure, figures / "large.svg")
