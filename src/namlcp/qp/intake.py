@@ -30,9 +30,8 @@ INFINITE = checks.INFINITE
 
 def qp_data(P, q, G, h, A, b, lb, ub):
     """Return the user's QP as checked, clean arrays."""
-    short = shortened(P), shortened(G), shortened(A)
-    if is_clean(short[0], q, short[1], h, short[2], b, lb, ub):
-        P, G, A = short
+    P, G, A = shortened(P), shortened(G), shortened(A)
+    if is_clean(P, q, G, h, A, b, lb, ub):
         rows, sides, below, above = absent_parts(q.size)
         if not cnp.PyArray_CheckExact(P):
             rows = checks.no_rows(q.size)
