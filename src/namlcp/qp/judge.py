@@ -42,10 +42,10 @@ class Judge:
     """The best point so far; `best` is the largest of its residuals over tolerances.
 
     The QP is solved if best <= 1. `given`: P, G and A as the user stores them, each
-    None where absent; None where these are the matrices of the QP. `doubt`: asked with
-    the judge whether the QP is infeasible, None if nobody is. `proof`: a certificate
-    that was accepted: status, point, residuals. `offered`: the residuals of the last
-    point that was offered.
+    None where absent; None where these are the matrices of the QP. `doubt`: asked once,
+    with the judge, whether the QP is infeasible; None if nobody is, or has been.
+    `proof`: a certificate that was accepted: status, point, residuals. `offered`: the
+    residuals of the last point that was offered.
     """
 
     def __init__(self, qp, limits, given=None, doubt=None):
@@ -162,10 +162,9 @@ class Judge:
         return proof is not None
 
     def is_disproved(self):
-        """Ask the doubt, if the best point is not feasible; tell whether it proves."""
-        if self.residuals._replace(dual=0.0, gap=0.0).solved(*self.tolerances):
-            return False
-        return self.doubt is not None and self.doubt(self)
+        """Ask the doubt, once; tell whether it proves that no x is feasible."""
+        doubt, self.doubt = self.doubt, None
+        return doubt is not None and doubt(self)
 
     def answer(self, status, iterations, method, message=""):
         """Return the certificate, or the best point, SOLVED if it passes.

@@ -50,8 +50,10 @@ def route(qp, guess, limits, memory=None, given=None, doubt=None):
                 answer = answer._replace(status=first.status, message=first.message)
     except OutOfTime:
         return judge.answer(Status.TIME_LIMIT, 0, "none")
-    if answer.status is Status.STALLED and judge.is_disproved():
-        return judge.answer(answer.status, answer.iterations, answer.method)
+    if answer.status is Status.STALLED:
+        of_rows = answer.residuals._replace(dual=0.0, gap=0.0)
+        if not of_rows.solved(*limits.tolerances) and judge.is_disproved():
+            return judge.answer(answer.status, answer.iterations, answer.method)
     return answer
 
 

@@ -62,10 +62,7 @@ def solve_checked(
 
 
 class Doubt:
-    """Whether a QP that resists is infeasible: asked once, of the least shifts.
-
-    `stage`: these, once they were sought.
-    """
+    """Whether a QP is infeasible; `stage`: its least shifts, once they were sought."""
 
     stage: StageOne | None = None
 
@@ -73,9 +70,7 @@ class Doubt:
         self.qp, self.limits = qp, limits
 
     def proves(self, judge: Judge) -> bool:
-        """Tell whether they prove it now; the judge has the certificate then."""
-        if self.stage is not None:
-            return False
+        """Tell whether they prove it; the judge has the certificate then."""
         proof, self.stage = contradiction(self.qp, self.limits, route)
         return proof is not None and judge.accept_multipliers(proof.x, proof.y, proof.z)
 

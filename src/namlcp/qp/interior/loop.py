@@ -159,7 +159,7 @@ def answer(m, wants):
     verdict = find_proof(m) if wants & PROVE else None
     if verdict is None and wants & DOUBT:
         m.doubts = False
-        if m.judge.doubt(m.judge):
+        if m.judge.is_disproved():
             return Status.PRIMAL_INFEASIBLE
     if verdict is None and m.iterations < m.max_iter and is_late(m):
         return Status.TIME_LIMIT
