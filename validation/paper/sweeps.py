@@ -298,7 +298,7 @@ def plot(results: Path, figures: Path) -> None:
             # in places of the cells: alpha = 0.1, 0.2, ...; c = 16, 16/sqrt(2), ...
             power = 1.0 - k - k * np.log2(alpha)
             axes.plot(10.0 * alpha - 1.0, 8.0 - 2.0 * power, "w", linewidth=0.9)
-        line[0].set_ylabel(title.replace(", ", ",\n", title.count(",") - 1), fontsize=8)
+        line[0].set_ylabel(title.replace(", ", ",\n", 1), fontsize=8)
     for axes, name in zip(grid[0], classes, strict=True):
         axes.set_title(textwrap.fill(name, 14, break_on_hyphens=False), fontsize=8.5)
     figure.suptitle(
