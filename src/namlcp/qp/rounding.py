@@ -12,7 +12,7 @@ x that would remove it without rounding make it another multiple, mostly a small
 import cython
 import numpy as np
 import scipy.sparse as sp
-from cython.cimports.libc.math import INFINITY, NAN, copysign, fabs
+from cython.cimports.libc.math import INFINITY, copysign, fabs
 
 from namlcp.checks import as_sparse, matrix
 from namlcp.linalg import add_transposed, times
@@ -21,8 +21,8 @@ from namlcp.qp.problem import Point
 from namlcp.residuals import qp_residuals
 
 # PASSES: Gauss-Seidel passes over the entries of the dual residual.
-# Most corrections of the gap by x, and by a single multiplier.
-MOVES, TRIES = 16, 64
+# Most corrections of the gap by x.
+MOVES = 16
 # Entries of the dual residual above the first fraction of the tolerance are reduced, to
 # the second where x takes them up. The first pair leaves room for the gap, the second
 # changes x less.
@@ -177,91 +177,52 @@ def correct_gap_by_x(qp, point, tol):
 def correct_gap_by_multipliers(qp, point, tol, dual_left):
     """Return the point with its gap removed by multipliers.
 
-    First all multipliers of one sum s'z, such as ub'z_box^+, change together, by -g
-    s/s's for the gap g; ub'z_box^+ is first, being added last and thus rounded least.
-    Then single multipliers change, since each makes the sums round differently. A
-    correction is skipped if it flips a sign, or if all corrections together would add
-    more than `dual_left` to the dual residual.
+    All multipliers of one sum s'z, such as ub'z_box^+, change together, by -g s/s's for
+    the gap g; ub'z_box^+ is first, being added last and thus rounded least. Those that
+    would flip their sign, or change the dual residual by more than `dual_left`, are
+    left out once; a sum is skipped if some are left then, or if all corrections
+    together would add more than that.
     """
     x, y, z, z_box = point
     n, p, m = x.size, y.size, z.size
-    count = p + m + 2 * n
     # multipliers and their right-hand sides in the order b, h, lb, ub
     multiplier = np.concatenate((y, z, np.minimum(z_box, 0.0), np.maximum(z_box, 0.0)))
     side = np.concatenate((qp.b, qp.h, qp.lb, qp.ub))
     largest = np.concatenate((row_maxima(qp.A), row_maxima(qp.G), np.ones(2 * n)))
     usable = np.isfinite(side) & (side != 0.0)
     usable[p:] &= multiplier[p:] != 0.0
-    new = np.empty(count)
     Px = times(qp.P, x)
     vectors = qp.q, qp.h, qp.b, qp.lb, qp.ub
     added = np.zeros(n)  # to the dual residual, by all changes
     gap = signed_gap(vectors, tuple(point), Px)
-    ends = 0, p, p + m, p + m + n, count
-    groups = [(ends[k], ends[k + 1]) for k in (3, 2, 1, 0)]
-    k = np.flatnonzero(usable)
-    step = abs(gap) / np.abs(side[k])
-    single = step * largest[k] <= dual_left
-    single &= (k < p) | (np.abs(multiplier[k]) > step)
-    turns = k[single]
-    turns = turns[:: max(-(-turns.size // TRIES), 1)]
-    for first, last in [*groups, *((k, k + 1) for k in turns.tolist())]:
-        part = slice(first, last)
-        terms = multiplier[part], side[part], largest[part], usable[part].view(np.uint8)
-        if not propose(*terms, first < p, gap, dual_left, new[part]):
+    ends = p, p + m, p + m + n
+    for part in reversed(np.split(np.arange(side.size), ends)):
+        fits = usable[part]
+        for _ in range(2):
+            part = part[fits]
+            if part.size == 0:
+                break
+            top = np.abs(side[part]).max()
+            s = side[part] / top  # side^2 may overflow
+            change = -gap / top / (s @ s) * s
+            fits = np.abs(change) * largest[part] <= dual_left
+            fits &= (part < p) | ((multiplier[part] + change) * multiplier[part] > 0.0)
+        if not (part.size and fits.all()):
             continue
-        change = np.zeros(count)
-        change[first:last] = new[first:last] - multiplier[first:last]
-        dy, dz, lower, upper = np.split(change, ends[1:4])
+        new = multiplier.copy()
+        new[part] += change
+        dy, dz, lower, upper = np.split(new - multiplier, ends)
         total = added + lower + upper
         add_transposed(qp.A, dy, total)
         add_transposed(qp.G, dz, total)
-        if not np.abs(total).max(initial=0.0) <= dual_left:
-            continue
-        added = total
-        multiplier[first:last] = new[first:last]
-        y, z, lower, upper = np.split(multiplier.copy(), ends[1:4])
-        new_point = Point(x, y, z, lower + upper)
-        gap = signed_gap(vectors, tuple(new_point), Px)
-        if abs(gap) <= tol:
-            return new_point
+        if np.abs(total).max() <= dual_left:
+            added, multiplier = total, new
+            y, z, lower, upper = np.split(multiplier, ends)
+            new_point = Point(x, y, z, lower + upper)
+            gap = signed_gap(vectors, tuple(new_point), Px)
+            if abs(gap) <= tol:
+                return new_point
     return point
-
-
-def propose(multiplier, side, largest, usable, any_sign, gap, dual_left, new):
-    """Set `new` to multipliers without the gap; tell whether they may be.
-
-    The usable ones change by -gap s/s's; those that would change the dual residual by
-    more than `dual_left`, or their sign unless any_sign, are left out once.
-    """
-    count = new.shape[0]
-    for k in range(count):
-        new[k] = multiplier[k] if usable[k] else NAN
-    for _ in range(2):
-        top, squares = 0.0, 0.0
-        for k in range(count):
-            if new[k] == new[k]:
-                top = max(top, fabs(side[k]))
-        if top == 0.0:
-            return False
-        for k in range(count):
-            if new[k] == new[k]:
-                squares += (side[k] / top) * (side[k] / top)  # side^2 may overflow
-        left_out: cython.bint = False
-        for k in range(count):
-            if new[k] != new[k]:
-                continue
-            new[k] = multiplier[k] - gap / top / squares * (side[k] / top)
-            fits: cython.bint = fabs(new[k] - multiplier[k]) * largest[k] <= dual_left
-            if not (fits and (any_sign or new[k] * multiplier[k] > 0.0)):
-                new[k] = NAN
-                left_out = True
-        if not left_out:
-            for k in range(count):
-                if new[k] != new[k]:
-                    new[k] = multiplier[k]
-            return True
-    return False
 
 
 def row_maxima(M):
