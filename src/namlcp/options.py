@@ -74,12 +74,12 @@ class Options:
 
     def __post_init__(self) -> None:
         """Raise a TypeError or ValueError that names the first wrong option."""
-        check_number("eps_abs", self.eps_abs, 0.0, closed=True, finite=True)
-        check_number("eps_rel", self.eps_rel, 0.0, closed=True, finite=True)
+        check_number("eps_abs", self.eps_abs, closed=True, finite=True)
+        check_number("eps_rel", self.eps_rel, closed=True, finite=True)
         if self.eps_abs == 0.0 and self.eps_rel == 0.0:
             raise ValueError("eps_abs and eps_rel must not both be 0")
         check_count("max_iter", self.max_iter)
-        check_number("time_limit", self.time_limit, 0.0)
+        check_number("time_limit", self.time_limit)
         check_flag("verbose", self.verbose)
         check_count("threads", self.threads)
         relaxation_of(self.infeasible)
@@ -164,7 +164,7 @@ class Relaxation:
         for side in SIDES:
             name, weights = f"Relaxation.{side}", getattr(self, side)
             for weight in np.ravel(weights).tolist():
-                check_number(name, weight, 0.0)
+                check_number(name, weight)
 
 
 def relaxation_of(infeasible: object) -> Relaxation | None:
@@ -208,42 +208,36 @@ def nearest(name: str, known: Collection[str]) -> str | None:
 
 
 def check_number(
-    name: str,
-    value: object,
-    above: float,
-    *,
-    closed: bool = False,
-    finite: bool = False,
+    name: str, value: Any, closed: bool = False, finite: bool = False
 ) -> None:
-    """Raise unless `value` is a real number > above (>= above if `closed`)."""
-    if type(value) is not float and (
-        isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Real)
-    ):
-        raise TypeError(f"{name} must be a number, got {value!r}")
+    """Raise unless `value` is a real number > 0 (>= 0 if `closed`)."""
+    check_kind(name, value, numbers.Real, "a number")
     try:
-        number = float(value)  # type: ignore[arg-type]
+        number = float(value)
     except OverflowError:
         raise ValueError(f"{name} must be at most {sys.float_info.max:g}") from None
     if finite and number == math.inf:
         raise ValueError(f"{name} must be finite, got {value!r}")
-    if not (number > above or (closed and number == above)):
-        sign = ">=" if closed else ">"
-        raise ValueError(f"{name} must be {sign} {above:g}, got {value!r}")
+    if not (number > 0.0 or (closed and number == 0.0)):
+        raise ValueError(f"{name} must be {'>=' if closed else '>'} 0, got {value!r}")
 
 
-def check_count(name: str, value: object) -> None:
+def check_count(name: str, value: Any) -> None:
     """Raise unless `value` is an integer >= 1."""
-    if type(value) is not int and (
-        isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Integral)
-    ):
-        raise TypeError(f"{name} must be an integer, got {value!r}")
-    if int(value) < 1:  # type: ignore[call-overload]
+    check_kind(name, value, numbers.Integral, "an integer")
+    if value < 1:
         raise ValueError(f"{name} must be >= 1, got {value!r}")
-    if int(value) > sys.maxsize:  # type: ignore[call-overload]
+    if value > sys.maxsize:
         raise ValueError(f"{name} must be at most {sys.maxsize}")
 
 
-def check_flag(name: str, value: object) -> None:
+def check_kind(name: str, value: Any, kind: type, what: str) -> None:
+    """Raise unless `value` is of a class of numbers, and not a bool."""
+    if isinstance(value, (bool, np.bool_)) or not isinstance(value, kind):
+        raise TypeError(f"{name} must be {what}, got {value!r}")
+
+
+def check_flag(name: str, value: Any) -> None:
     """Raise unless `value` is True or False."""
     if not isinstance(value, (bool, np.bool_)):
         raise TypeError(f"{name} must be True or False, got {value!r}")

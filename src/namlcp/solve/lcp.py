@@ -202,8 +202,8 @@ def check_limits(eps_abs: Any, eps_rel: Any, max_iter: Any, time_limit: Any) -> 
     """Raise for a bad tolerance or limit; return the time limit."""
     for name, value in (("eps_abs", eps_abs), ("eps_rel", eps_rel)):
         if value is not None:
-            check_number(name, value, 0.0, closed=name == "eps_rel", finite=True)
+            check_number(name, value, closed=name == "eps_rel", finite=True)
     if max_iter is not None:
         check_count("max_iter", max_iter)
-    check_number("time_limit", time_limit, 0.0)
+    check_number("time_limit", time_limit)
     return float(time_limit)
