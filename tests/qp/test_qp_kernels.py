@@ -12,10 +12,10 @@ from namlcp.checks import transposed
 from namlcp.limits import Limits
 from namlcp.linalg import csc
 from namlcp.qp.certificates import accepted
-from namlcp.qp.chain import Chain
 from namlcp.qp.guess import NO_GUESS
 from namlcp.qp.interior.loop import run
 from namlcp.qp.interior.state import Interior
+from namlcp.qp.route import Chain
 from namlcp.qp.transforms import ScaledQP, presolve
 
 LIMITS = Limits(1e-9, 0.0)

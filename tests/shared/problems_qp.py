@@ -19,10 +19,9 @@ from namlcp import Status, qp_residuals
 from namlcp.cli.files import mat_problem
 from namlcp.options import Options
 from namlcp.qp import NO_GUESS, QP
-from namlcp.qp.chain import NO_TRANSFORMS
 from namlcp.qp.interior import solve_interior
 from namlcp.qp.judge import Judge
-from namlcp.qp.memory import Memory
+from namlcp.qp.route import NO_TRANSFORMS, Memory
 from validation.problems.draw import Known, around
 
 

@@ -8,8 +8,8 @@ from namlcp.qp.convexity import NotConvex
 from namlcp.qp.guess import NO_GUESS, Guess, check_warm_start, make_guess
 from namlcp.qp.intake import qp_data, stamp_of
 from namlcp.qp.kkt import KKT
-from namlcp.qp.memory import Memory
 from namlcp.qp.problem import QP, Point, qp_arrays
+from namlcp.qp.route import Memory, solve_checked
 from namlcp.qp.sequences import (
     STATUSES,
     Items,
@@ -20,5 +20,4 @@ from namlcp.qp.sequences import (
     on_threads,
     solve_items,
 )
-from namlcp.qp.solve import solve_checked
 from namlcp.qp.transforms import equilibrate

@@ -3,12 +3,19 @@
 A QP with bounds alone is a box LCP with A = P; a small or full one is solved by the
 dual active-set method in dense form; any other, and what these two leave unsolved, by
 the interior-point method. Engines offer points and certificates; the `Judge` decides.
+In the end comes the closest point, if the QP is infeasible and it was asked for.
 """
+
+from time import perf_counter
 
 import numpy as np
 
-from namlcp.limits import OutOfTime
+from namlcp.lcp import Prepared
+from namlcp.limits import NEVER, Deadline, OutOfTime
+from namlcp.linalg import blas_threads
+from namlcp.options import RELAXATIONS
 from namlcp.outcome import ENDS
+from namlcp.progress import QP_COLUMNS, Progress
 from namlcp.qp.active import solve_dense
 from namlcp.qp.active.solve import (
     FEW_ENTRIES,
@@ -19,12 +26,14 @@ from namlcp.qp.active.solve import (
     TINY_ENTRIES,
 )
 from namlcp.qp.bounds import is_box_open, solve_bounds
-from namlcp.qp.chain import NO_TRANSFORMS, Chain
+from namlcp.qp.closest import contradiction, nearest, weights_of
+from namlcp.qp.convexity import check_convex
 from namlcp.qp.guess import NO_GUESS, make_guess
 from namlcp.qp.interior import solve_interior
 from namlcp.qp.judge import Judge
-from namlcp.qp.memory import Memory
+from namlcp.qp.problem import Point
 from namlcp.qp.transforms import substitute, without_huge_bounds
+from namlcp.residuals import UNDEFINED
 from namlcp.status import Status
 
 # Most variables, and most entries of P, G and A, zeros included, of the dense form,
@@ -32,6 +41,119 @@ from namlcp.status import Status
 DENSE_VARIABLES, DENSE_ENTRIES = 2000, 16_000_000
 # Statuses after which a QP is solved in another way.
 UNDECIDED = (Status.STALLED, Status.NUMERICAL_ERROR)
+
+
+class Chain:
+    """Transforms one after another, the user's end first.
+
+    A transform has the methods `point`, `primal` (x alone), `ray` (a direction of x)
+    and `certificate` (the multipliers that prove infeasibility), which map back to the
+    problem before it, and `guess`, which maps a guess forward. A chain has the same.
+    """
+
+    def __init__(self, *transforms):
+        self.transforms, self.back = transforms, transforms[::-1]
+
+    def then(self, *transforms):
+        """Return the chain with more transforms at the engine's end."""
+        return Chain(*self.transforms, *transforms)
+
+    def point(self, *parts):
+        """Return the user's point; `parts` as the last transform takes them."""
+        for transform in self.back:
+            parts = transform.point(*parts)
+        return Point(*parts)
+
+    def primal(self, x):
+        for transform in self.back:
+            x = transform.primal(x)
+        return x
+
+    def ray(self, d):
+        for transform in self.back:
+            d = transform.ray(d)
+        return d
+
+    def certificate(self, y, z):
+        for transform in self.back:
+            y, z = transform.certificate(y, z)
+        return y, z
+
+    def guess(self, guess):
+        for transform in self.transforms:
+            guess = transform.guess(guess)
+        return guess
+
+
+NO_TRANSFORMS = Chain()
+
+
+class Memory:
+    """What a solve keeps for the next QP with the same matrices or the same pattern.
+
+    Where only vectors change, as in model predictive control, presolve and scaling are
+    reused, and the factors as long as the active set stays; where only the pattern
+    stays, the elimination order. Not for two solves at a time.
+
+    `convex` is the last P found positive semidefinite; `substitution`, `presolved` and
+    `scaled` are the last transforms, `box` the last P prepared for box LCPs. Matrices
+    are the same as before where they are the same objects.
+    `dense_failed`: whether the dense form of the QP, as it came, was tried and failed.
+    """
+
+    def __init__(self, convex=None):
+        self.convex, self.dense_failed = convex, False
+        self.substitution = self.presolved = self.scaled = self.box = None
+
+    def ensure_convex(self, P, deadline=NEVER):
+        """Raise NotConvex unless P is positive semidefinite; test the same P once."""
+        if self.convex is not P:
+            check_convex(P, deadline)
+            self.convex = P
+
+    def prepared(self, P):
+        """Return P prepared for box LCPs, as before if P is the same."""
+        if self.box is None or self.box.A.data is not P.data:
+            self.box = Prepared(P.T)
+        return self.box
+
+
+def solve_checked(qp, options, guess, start, progress=None, memory=None, given=None):
+    """Solve a checked QP; `start` is the perf_counter() of the call.
+
+    `progress` takes the rows; where they are printed, it is made here if it is None.
+    `memory` may be kept for the next problem of the same pattern; it is changed.
+    `given`: P, G and A as the user stores them, in whose order sums are judged.
+    """
+    if progress is None and options.verbose:
+        progress = Progress(QP_COLUMNS, True)
+    if progress is not None:
+        progress.say(describe(qp, options))
+    limits = options.limits(Deadline(start + options.time_limit), progress)
+    relaxation, stage = options.relaxation, None
+    if relaxation:
+        weights_of(qp, relaxation)  # raises where there are too many or too few
+
+    def doubt(judge):
+        """Seek the least shifts; tell whether they prove that no x is feasible."""
+        nonlocal stage
+        proof, stage = contradiction(qp, limits, route)
+        return proof is not None and judge.accept_multipliers(proof.x, proof.y, proof.z)
+
+    order = qp.q.size + qp.h.size + qp.b.size
+    threads = blas_threads(options.threads, order, qp.is_dense)
+    with threads, np.errstate(all="ignore"):
+        answer = route(qp, guess, limits, memory, given, doubt)
+        if answer.status is Status.NUMERICAL_ERROR:
+            nothing = Point(*(v * np.nan for v in answer.point))
+            answer = answer._replace(point=nothing, residuals=UNDEFINED)
+        if relaxation and answer.status is Status.PRIMAL_INFEASIBLE:
+            same = stage if relaxation is RELAXATIONS["closest"] else None
+            found = nearest(qp, relaxation, limits, route, same)
+            answer = answer._replace(closest=found)
+    if progress is not None:
+        progress.close(conclude(answer, perf_counter() - start))
+    return answer
 
 
 def route(qp, guess, limits, memory=None, given=None, doubt=None):
@@ -139,3 +261,27 @@ ENGINES = (
 """The methods for QPs, in order: suits(qp, small, memory), whether one is tried, with
 small as `is_small` says, and solve(qp, chain, guess, judge, memory), its answer, None
 if that is nothing. chain: the way from the user's QP to `qp`."""
+
+
+# ---- what is printed
+
+
+def describe(qp, options):
+    """Return the first lines of the verbose output."""
+    bounds = np.count_nonzero(np.isfinite(qp.lb)) + np.count_nonzero(np.isfinite(qp.ub))
+    kind = "dense" if qp.is_dense else "sparse"
+    return (
+        f"namlcp  QP: n = {qp.q.size}, equalities = {qp.b.size}, "
+        f"inequalities = {qp.h.size}\n"
+        f"  {kind}, bounds = {bounds}; stop: eps_abs = {options.eps_abs:g}, "
+        f"eps_rel = {options.eps_rel:g}"
+    )
+
+
+def conclude(answer, seconds):
+    """Return the closing sentence of the verbose output."""
+    status, r = answer.status.value, answer.residuals
+    return (
+        f"{status}: {answer.method}, {answer.iterations} it, {seconds:.1e} s"
+        f", primal {r.primal:.0e}, dual {r.dual:.0e}, gap {r.gap:.0e}"
+    )

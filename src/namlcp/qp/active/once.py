@@ -15,7 +15,6 @@ from namlcp.qp.active.dense import DenseActiveSet
 from namlcp.qp.active.engine import ActiveSet, Code
 from namlcp.qp.active.null import NullSpace
 from namlcp.qp.active.sparse import SparseActiveSet
-from namlcp.qp.chain import Chain
 from namlcp.qp.guess import Guess
 from namlcp.qp.judge import Judge
 from namlcp.qp.problem import QP, Point
@@ -30,7 +29,7 @@ MOST_LENGTH = 20_000
 
 
 def solve_dense(
-    qp: QP, chain: Chain, guess: Guess, judge: Judge, memory: Any = None
+    qp: QP, chain: Any, guess: Guess, judge: Judge, memory: Any = None
 ) -> Outcome | None:
     """Solve a QP in dense form; None where another method has to, or a number is bad.
 
@@ -53,7 +52,7 @@ def solve_dense(
     return answer
 
 
-def answer_of(m: ActiveSet, judge: Judge, chain: Chain | None = None) -> Outcome | None:
+def answer_of(m: ActiveSet, judge: Judge, chain: Any = None) -> Outcome | None:
     """Return the answer after a solve, None for other methods.
 
     `chain`: the way from the judge's QP to that of `m`, None where it is the same.

@@ -1,17 +1,17 @@
 """Solution of a QP by the interior-point method: presolve, scale, iterate, map back."""
 
+from typing import Any
+
 import numpy as np
 
 from namlcp.checks import as_sparse
 from namlcp.limits import PASS
 from namlcp.outcome import Outcome
 from namlcp.qp.certificates import alone
-from namlcp.qp.chain import Chain
 from namlcp.qp.guess import Guess
 from namlcp.qp.interior.loop import run, try_guess
 from namlcp.qp.interior.state import Interior
 from namlcp.qp.judge import Judge
-from namlcp.qp.memory import Memory
 from namlcp.qp.problem import QP
 from namlcp.qp.transforms import Presolved, ScaledQP, presolve
 from namlcp.status import Status
@@ -20,7 +20,7 @@ FORM = "path"
 
 
 def solve_interior(
-    qp: QP, chain: Chain, guess: Guess, judge: Judge, memory: Memory
+    qp: QP, chain: Any, guess: Guess, judge: Judge, memory: Any
 ) -> Outcome:
     """Solve a QP; ValueError if P is not positive semidefinite.
 
@@ -61,7 +61,7 @@ def solve_interior(
     return judge.answer(run(m, guess), m.iterations, FORM)
 
 
-def refuted(small: Presolved, chain: Chain, judge: Judge) -> str | None:
+def refuted(small: Presolved, chain: Any, judge: Judge) -> str | None:
     """Return why the constraints contradict each other, as presolve found, or None."""
     for message, y, z in small.contradictions:
         small.hold_fixed(np.zeros(small.qp.q.size), y, z)

@@ -29,9 +29,8 @@ from namlcp.qp.active.engine import Code
 from namlcp.qp.convexity import check_convex
 from namlcp.qp.guess import make_guess
 from namlcp.qp.intake import qp_data, stamp_of
-from namlcp.qp.memory import Memory
 from namlcp.qp.problem import QP, Point
-from namlcp.qp.solve import solve_checked
+from namlcp.qp.route import Memory, solve_checked
 from namlcp.residuals import UNDEFINED, Residuals
 from namlcp.status import Status
 

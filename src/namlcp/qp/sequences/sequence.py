@@ -24,9 +24,8 @@ from namlcp.qp.convexity import check_convex
 from namlcp.qp.guess import NO_GUESS, Guess, make_guess
 from namlcp.qp.intake import qp_data
 from namlcp.qp.judge import Judge, are_own
-from namlcp.qp.memory import Memory
 from namlcp.qp.problem import QP
-from namlcp.qp.route import is_small
+from namlcp.qp.route import Memory, is_small, solve_checked
 from namlcp.qp.sequences.pattern import (
     copied,
     has_pattern_of,
@@ -34,7 +33,6 @@ from namlcp.qp.sequences.pattern import (
     is_unchanged,
     within_pattern,
 )
-from namlcp.qp.solve import solve_checked
 from namlcp.status import Status
 
 SOLVED = Status.SOLVED
