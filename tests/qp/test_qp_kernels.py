@@ -12,9 +12,9 @@ from namlcp.checks import transposed
 from namlcp.limits import Limits
 from namlcp.linalg import csc
 from namlcp.qp.certificates import accepted
-from namlcp.qp.guess import NO_GUESS
 from namlcp.qp.interior.loop import run
 from namlcp.qp.interior.state import Interior
+from namlcp.qp.problem import NO_GUESS
 from namlcp.qp.route import Chain
 from namlcp.qp.transforms import ScaledQP, presolve
 

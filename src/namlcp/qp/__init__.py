@@ -5,10 +5,17 @@ from namlcp.qp.active.dense import DenseActiveSet
 from namlcp.qp.active.engine import Code
 from namlcp.qp.closest import Face, Nearest
 from namlcp.qp.convexity import NotConvex
-from namlcp.qp.guess import NO_GUESS, Guess, check_warm_start, make_guess
 from namlcp.qp.intake import qp_data, stamp_of
 from namlcp.qp.kkt import KKT
-from namlcp.qp.problem import QP, Point, qp_arrays
+from namlcp.qp.problem import (
+    NO_GUESS,
+    QP,
+    Guess,
+    Point,
+    check_warm_start,
+    make_guess,
+    qp_arrays,
+)
 from namlcp.qp.route import Memory, solve_checked
 from namlcp.qp.sequences import (
     STATUSES,

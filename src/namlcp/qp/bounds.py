@@ -23,8 +23,7 @@ from namlcp.lcp import (
 from namlcp.limits import Limits
 from namlcp.linalg import times
 from namlcp.measure import on_bounds
-from namlcp.qp.guess import NO_ENTRIES
-from namlcp.qp.problem import Point
+from namlcp.qp.problem import NO_ENTRIES, Point
 from namlcp.status import Status
 
 

@@ -15,9 +15,8 @@ from namlcp.qp.active.dense import DenseActiveSet
 from namlcp.qp.active.engine import ActiveSet, Code
 from namlcp.qp.active.null import NullSpace
 from namlcp.qp.active.sparse import SparseActiveSet
-from namlcp.qp.guess import Guess
 from namlcp.qp.judge import Judge
-from namlcp.qp.problem import QP, Point
+from namlcp.qp.problem import QP, Guess, Point
 from namlcp.status import Status
 
 FORM = "dual"

@@ -49,7 +49,7 @@ from cython.cimports.namlcp.result_base import (
 from cython.cimports.namlcp.watch import begin_watch, raise_kept
 from scipy.sparse import csc_array, csc_matrix
 
-from namlcp.qp import guess
+from namlcp.qp import problem
 from namlcp.status import Status
 
 cnp.import_array()
@@ -75,7 +75,7 @@ OUTCOMES = {
 # for each variable OF_COST more where it is one of P, OF_ROWS where it is one of a row.
 FEW_OPERATIONS, PASSES, OF_COST, OF_ROWS = 1e7, 200.0, 0.5, 2.0
 # Largest slack of a row that counts as active at a point, relative.
-ACTIVE = guess.ACTIVE
+ACTIVE = problem.ACTIVE
 
 
 def filled(values, count):
@@ -337,7 +337,7 @@ def suggest_point(m, x0):
 
 
 def is_met(side, value):
-    """Tell whether a finite side is reached, as `active_at` has it."""
+    """Tell whether a finite side is reached, as `make_guess` has it."""
     return fabs(side) < INFINITY and fabs(side - value) <= ACTIVE * (1.0 + fabs(side))
 
 

@@ -11,8 +11,7 @@ from namlcp.options import Relaxation
 from namlcp.outcome import Outcome
 from namlcp.qp.closest.face import Face, face_of
 from namlcp.qp.closest.rows import Rows, least_shifts, rows_of
-from namlcp.qp.guess import NO_GUESS, Guess, make_guess
-from namlcp.qp.problem import QP, Point
+from namlcp.qp.problem import NO_GUESS, QP, Guess, Point, make_guess
 from namlcp.residuals import UNDEFINED, Residuals, qp_residuals
 from namlcp.status import Status
 

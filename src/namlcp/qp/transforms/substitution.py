@@ -31,8 +31,7 @@ from namlcp.linalg import (
     without_zeros,
 )
 from namlcp.qp.convexity import check_convex
-from namlcp.qp.guess import Guess
-from namlcp.qp.problem import QP, Point
+from namlcp.qp.problem import QP, Guess, Point
 
 # Least |a_it|, relative to the largest entry of its row, against rounding errors.
 PIVOT = 1e-3
