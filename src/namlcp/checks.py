@@ -205,40 +205,22 @@ def sparse_matrix(name: str, value: Any, layout: str) -> Any:
     order, places = checked_order(name, value)
     if value.dtype.kind not in "biuf":
         raise TypeError(f"{name} must hold real numbers, got dtype {value.dtype}")
-    if value.ndim == 2 and value.format in ("csr", "csc"):
-        indptr, indices = places
-        data = clean_copy(first(value.data, indptr[-1]), np.float64)
-        parts: Any = indptr, first(indices, indptr[-1]), data
-        is_right = value.format == layout and order == Order.CANONICAL
-        own = value.indptr, value.indices, value.data
-        if is_right and all(map(operator.is_, parts, own)):
-            return value  # SciPy takes 13 us to make another
-        refuse_size(name, max(*value.shape, data.size))
-        if not is_right:
-            parts = rearranged(parts, value, layout)
-        if parts is not None:
-            wrap = sp.csr_array if layout == "csr" else sp.csc_array
-            return from_arrays(parts, value.shape, wrap)
-    refuse_size(name, value.nnz)
-    if value.ndim == 1:
-        value = value.reshape(1, -1)
-    value = sp.csr_array(value, copy=True).asformat(layout)
-    value.sum_duplicates()
-    return sparse_matrix(name, value, layout)
-
-
-def rearranged(parts: Any, value: Any, layout: str) -> Any:
-    """Return the clean `parts` of a CSR or CSC matrix, sorted; None for duplicates.
-
-    Two transpositions sort a matrix, one changes its layout.
-    """
-    major, minor = value.shape if value.format == "csr" else value.shape[::-1]
-    parts = transposed(*parts, minor)
-    wanted = minor, major
-    if value.format == layout:
-        parts = transposed(*parts, major)
-        wanted = major, minor
-    return parts if index_order(*parts[:2], *wanted) == Order.CANONICAL else None
+    wrap = sp.csr_array if layout == "csr" else sp.csc_array
+    if order != Order.CANONICAL or value.format == "bsr":
+        refuse_size(name, value.nnz)
+        value = wrap(value.reshape(1, -1) if value.ndim == 1 else value, copy=True)
+        value.sum_duplicates()
+        return sparse_matrix(name, value, layout)
+    indptr, indices = places
+    data = clean_copy(first(value.data, indptr[-1]), np.float64)
+    parts: Any = indptr, first(indices, indptr[-1]), data
+    own = value.indptr, value.indices, value.data
+    if value.format == layout and all(map(operator.is_, parts, own)):
+        return value  # SciPy takes 13 us to make another
+    refuse_size(name, max(*value.shape, data.size))
+    if value.format != layout:  # the transpose is sorted, too
+        parts = transposed(*parts, value.shape[layout == "csc"])
+    return from_arrays(parts, value.shape, wrap)
 
 
 @functools.lru_cache(maxsize=16)
