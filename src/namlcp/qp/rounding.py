@@ -9,20 +9,16 @@ With terms of 1e12 the gap is a multiple of 1e-4, and passes 1e-9 only as 0. Cha
 x that would remove it without rounding make it another multiple, mostly a smaller one.
 """
 
-import cython
 import numpy as np
 import scipy.sparse as sp
-from cython.cimports.libc.math import INFINITY, copysign, fabs
 
-from namlcp.checks import as_sparse, matrix
 from namlcp.linalg import add_transposed, times
 from namlcp.measure import signed_gap
 from namlcp.qp.problem import Point
 from namlcp.residuals import qp_residuals
 
-# PASSES: Gauss-Seidel passes over the entries of the dual residual.
-# Most corrections of the gap by x.
-MOVES = 16
+# Most steps of x against a dual residual, and against a gap.
+PASSES, MOVES = 3, 16
 # Entries of the dual residual above the first fraction of the tolerance are reduced, to
 # the second where x takes them up. The first pair leaves room for the gap, the second
 # changes x less.
@@ -79,55 +75,27 @@ def correct_rounding(qp, point, found, eps_abs, eps_rel):
 def correct_dual_residual(qp, point, tol, rest=0.0):
     """Return the point with dual residuals above `tol` removed by z_box or x.
 
-    Where x removes them, it leaves those of modulus `rest`.
+    Where x removes them, by Jacobi steps on the Lagrangian, it leaves those of modulus
+    `rest`.
     """
-    point = point._replace(x=point.x.copy(), z_box=point.z_box.copy())
-    r = times(qp.P, point.x) + qp.q
-    for M, multiplier in ((qp.G, point.z), (qp.A, point.y)):  # as `qp_residuals` adds
-        part = np.zeros(r.size)
-        add_transposed(M, multiplier, part)
-        r += part
-    P = qp.P
-    if not sp.issparse(P) or P.format != "csc":
-        P = as_sparse(matrix("P", P, "csc"))
-    gauss_seidel(P, qp, point, r, tol, rest)
-    return point
-
-
-def gauss_seidel(P, qp, point, r, tol, left):
-    """Reduce dual residuals |r_j + z_box_j| > tol by z_box_j, to `left` by x_j.
-
-    x_j takes that part of a Gauss-Seidel step on the Lagrangian. P is in CSC, r = Px +
-    q + G'z + A'y; r and the point's x and z_box are overwritten.
-    """
-    indptr: cython.int[::1] = P.indptr
-    indices: cython.int[::1] = P.indices
-    data: cython.double[::1] = P.data
-    lb: cython.double[::1] = qp.lb
-    ub: cython.double[::1] = qp.ub
-    x: cython.double[::1] = point.x
-    z_box: cython.double[::1] = point.z_box
+    x, y, z, z_box = point
+    Gtz, Aty = np.zeros((2, x.size))
+    add_transposed(qp.G, z, Gtz)
+    add_transposed(qp.A, y, Aty)
+    least = np.where(qp.lb > -np.inf, -np.inf, 0.0)
+    most = np.where(qp.ub < np.inf, np.inf, 0.0)
+    curvature = qp.P.diagonal()
     for _ in range(PASSES):
-        for j in range(x.shape[0]):
-            if fabs(r[j] + z_box[j]) <= tol:
-                continue
-            least = -INFINITY if lb[j] > -INFINITY else 0.0
-            most = INFINITY if ub[j] < INFINITY else 0.0
-            z_box[j] = min(max(-r[j], least), most)
-            rest = r[j] + z_box[j]
-            if fabs(rest) <= tol:
-                continue
-            curvature = 0.0
-            for t in range(indptr[j], indptr[j + 1]):
-                if indices[t] == j:
-                    curvature = data[t]
-            if curvature > 0.0:
-                excess = rest - copysign(left, rest)
-                new = min(max(x[j] - excess / curvature, lb[j]), ub[j])
-                for t in range(indptr[j], indptr[j + 1]):
-                    r[indices[t]] += data[t] * (new - x[j])
-                x[j] = new
-    return 0
+        r = times(qp.P, x) + qp.q + Gtz + Aty  # as `qp_residuals` adds
+        z_box = np.where(np.abs(r + z_box) > tol, np.clip(-r, least, most), z_box)
+        r += z_box
+        large = (np.abs(r) > tol) & (curvature > 0.0)
+        if not large.any():
+            break
+        x = x.copy()
+        x[large] -= (r - np.copysign(rest, r))[large] / curvature[large]
+        x = qp.clip(x)
+    return point._replace(x=x, z_box=z_box)
 
 
 def gap_corrections(qp, point, tol, dual_left):
