@@ -218,7 +218,7 @@ class Guess(NamedTuple):
 
 
 NO_ENTRIES = np.empty(0)
-NO_GUESS = Guess(*[NO_ENTRIES] * 4, np.empty(0, np.int8))
+NO_GUESS = Guess(*Point(*[NO_ENTRIES] * 4), np.empty(0, np.int8))
 
 
 def make_guess(qp: QP, x0: Any, warm_start: Any, name: str = "x0") -> Guess:

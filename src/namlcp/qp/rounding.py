@@ -105,9 +105,7 @@ def gap_corrections(qp, point, tol, dual_left):
     """
     moved = correct_gap_by_x(qp, point, tol)
     yield moved
-    new = correct_gap_by_multipliers(qp, moved, tol, dual_left)
-    if new is not moved:
-        yield new
+    yield correct_gap_by_multipliers(qp, moved, tol, dual_left)
 
 
 def correct_gap_by_x(qp, point, tol):
