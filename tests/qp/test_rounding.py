@@ -15,7 +15,6 @@ from namlcp.qp.rounding import (
     correct_dual_residual,
     correct_gap_by_multipliers,
     correct_gap_by_x,
-    correct_rounding,
     is_correctable,
 )
 from namlcp.residuals import UNDEFINED
@@ -74,10 +73,9 @@ def test_multipliers_without_enough_digits_are_made_up_for(seed):
     z = known.z * (1.0 + 1e-9 * rng.standard_normal(known.z.size))
     point = Point(known.x / D, known.y, z, known.z_box * D)
     assert qp_residuals(*qp, *point).worst(EPS, 0.0) > 1.0
-    found = qp_residuals(
-        *qp, *correct_rounding(qp, point, qp_residuals(*qp, *point), EPS, 0.0)
-    )
-    assert max(found.dual, found.primal) <= EPS
+    judge = Judge(qp, Limits(EPS, 0.0))
+    judge.offer(point)
+    assert max(judge.residuals.dual, judge.residuals.primal) <= EPS
 
 
 @pytest.mark.parametrize("seed", range(3))

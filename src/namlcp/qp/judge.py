@@ -26,7 +26,7 @@ from namlcp.linalg import asymmetry, is_clean_csc
 from namlcp.outcome import FINAL, Outcome
 from namlcp.qp.certificates import accepted
 from namlcp.qp.problem import Point
-from namlcp.qp.rounding import correct_rounding, is_correctable
+from namlcp.qp.rounding import corrections, is_correctable
 from namlcp.residuals import Residuals, qp_residuals
 from namlcp.status import Status
 
@@ -79,9 +79,10 @@ class Judge:
         if is_correctable(residuals, *self.tolerances) or (
             ratio <= NEAR and self.ratio_in_other_order(residuals, trial, -1.0) <= 1.0
         ):
-            corrected = correct_rounding(self.qp, trial, residuals, *self.tolerances)
-            if corrected is not trial:
-                least = min(least, self.ratio(self.measure(corrected)))
+            for new in corrections(self.qp, trial, residuals, *self.tolerances):
+                least = min(least, self.ratio(self.measure(new)))
+                if least <= 1.0:
+                    break
         return least
 
     def misses_gap(self):

@@ -45,31 +45,25 @@ def is_correctable(found, eps_abs, eps_rel):
     return rest <= CORRECTABLE and not found.solved(eps_abs, eps_rel)
 
 
-def correct_rounding(qp, point, found, eps_abs, eps_rel):
-    """Return the point, which has the residuals `found`, with the large ones reduced.
+def corrections(qp, point, found, eps_abs, eps_rel):
+    """Yield points with smaller residuals than those `found` at this one.
 
     The matrices are dense or sparse in any layout; sums run in their order.
     """
-    best, least = point, found.worst(eps_abs, eps_rel)
     tol = eps_abs + eps_rel * found.dual_size
     for share, rest in SHARES:
         new, seen = point, found
         if found.dual > share * tol:
             new = correct_dual_residual(qp, point, share * tol, rest * tol)
             seen = qp_residuals(*qp, *new)
-        trials = iter((new,))
         gap_tol = eps_abs + eps_rel * seen.gap_size
         if seen.gap > gap_tol and seen.dual <= tol:
-            trials = gap_corrections(qp, new, gap_tol, tol - seen.dual)
-        for trial in trials:
-            worst = qp_residuals(*qp, *trial).worst(eps_abs, eps_rel)
-            if worst < least:
-                best, least = trial, worst
-            if least <= 1.0:
-                return best
+            new = correct_gap_by_x(qp, new, gap_tol)
+            yield new
+            new = correct_gap_by_multipliers(qp, new, gap_tol, tol - seen.dual)
+        yield new
         if found.dual <= share * tol:
-            break
-    return best
+            return
 
 
 def correct_dual_residual(qp, point, tol, rest=0.0):
@@ -96,16 +90,6 @@ def correct_dual_residual(qp, point, tol, rest=0.0):
         x[large] -= (r - np.copysign(rest, r))[large] / curvature[large]
         x = qp.clip(x)
     return point._replace(x=x, z_box=z_box)
-
-
-def gap_corrections(qp, point, tol, dual_left):
-    """Yield the point with its gap reduced by x, then by multipliers, too.
-
-    These add at most `dual_left` to the dual residual.
-    """
-    moved = correct_gap_by_x(qp, point, tol)
-    yield moved
-    yield correct_gap_by_multipliers(qp, moved, tol, dual_left)
 
 
 def correct_gap_by_x(qp, point, tol):
