@@ -29,7 +29,6 @@ from namlcp.derivatives import (
 from namlcp.lcp import LCP, Operator, Prepared, solve_small
 from namlcp.linalg import times
 from namlcp.linalg.arrays import stamp_of_arrays
-from namlcp.outcome import OBJECTIVE, Outcome
 from namlcp.qp import (
     QP,
     STATUSES,
@@ -41,7 +40,7 @@ from namlcp.qp import (
 )
 from namlcp.residuals import Residuals
 from namlcp.result_base import LCPResultBase, ResultBase
-from namlcp.status import Status
+from namlcp.status import OBJECTIVE, Outcome, Status
 
 LOST = (
     "derivatives need the result of the solve itself: a pickled or copied one has lost "

@@ -5,10 +5,10 @@ import pytest
 from problems_qp import Options, make_qp, opposed
 
 from namlcp import Relaxation, Status, results
-from namlcp.outcome import Outcome
 from namlcp.qp.closest import nearest
 from namlcp.qp.route import route
 from namlcp.residuals import UNDEFINED
+from namlcp.status import Outcome
 
 DEFAULT_LIMITS = Options().limits()
 WITHOUT = (None,) * 3

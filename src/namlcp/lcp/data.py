@@ -18,9 +18,8 @@ from namlcp.lcp.prepared import Prepared
 from namlcp.limits import Limits
 from namlcp.linalg.columns import LEAST_DIVISOR
 from namlcp.measure import are_met, natural_residuals
-from namlcp.outcome import Outcome
 from namlcp.residuals import natural_residual
-from namlcp.status import Status
+from namlcp.status import Outcome, Status
 
 
 class LCPPoint(NamedTuple):

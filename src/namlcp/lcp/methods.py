@@ -33,8 +33,7 @@ from namlcp.lcp.tridiagonal import solve_tridiagonal
 from namlcp.limits import Deadline, Limits
 from namlcp.linalg.threads import blas_threads
 from namlcp.options import nearest
-from namlcp.outcome import Outcome
-from namlcp.status import Status
+from namlcp.status import Outcome, Status
 
 # Least order n at which projected SOR and multigrid are tried on a sparse A.
 LARGE_LCP = 10_000

@@ -33,9 +33,8 @@ from scipy.linalg.blas import dnrm2
 
 from namlcp.lcp.data import LCP, Criterion
 from namlcp.limits import Limits
-from namlcp.outcome import Outcome
 from namlcp.residuals import natural_residual
-from namlcp.status import Status
+from namlcp.status import Outcome, Status
 
 # Default limit on iterations.
 MAX_DESCENT_STEPS = 20_000

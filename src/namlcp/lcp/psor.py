@@ -20,8 +20,7 @@ from namlcp.lcp.data import LCP, Criterion
 from namlcp.lcp.loops import relax_csr
 from namlcp.limits import Limits
 from namlcp.linalg.csc import arrays_of
-from namlcp.outcome import ENDS, Outcome
-from namlcp.status import Status
+from namlcp.status import ENDS, Outcome, Status
 
 # Largest mu for which Young's alpha is at most 2/(1 + mu).
 YOUNG_IS_SAFE = 1.0 / math.sqrt(2.0)

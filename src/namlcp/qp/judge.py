@@ -23,12 +23,11 @@ from scipy.linalg.blas import dnrm2
 
 from namlcp.checks import matrix
 from namlcp.linalg import asymmetry, is_clean_csc
-from namlcp.outcome import FINAL, Outcome
 from namlcp.qp.certificates import accepted
 from namlcp.qp.problem import Point
 from namlcp.qp.rounding import corrections, is_correctable
 from namlcp.residuals import Residuals, qp_residuals
-from namlcp.status import Status
+from namlcp.status import FINAL, Outcome, Status
 
 BY_LUCK = (
     "The tolerances are met in one order of summation and missed in that of the "

@@ -14,7 +14,6 @@ from namlcp.lcp import Prepared
 from namlcp.limits import NEVER, Deadline, OutOfTime
 from namlcp.linalg import blas_threads
 from namlcp.options import RELAXATIONS
-from namlcp.outcome import ENDS
 from namlcp.progress import QP_COLUMNS, Progress
 from namlcp.qp.active import solve_dense
 from namlcp.qp.active.solve import (
@@ -33,7 +32,7 @@ from namlcp.qp.judge import Judge
 from namlcp.qp.problem import NO_GUESS, Point, make_guess
 from namlcp.qp.transforms import substitute, without_huge_bounds
 from namlcp.residuals import UNDEFINED
-from namlcp.status import Status
+from namlcp.status import ENDS, Status
 
 # Most variables, and most entries of P, G and A, zeros included, of the dense form,
 # which would take many seconds beyond.

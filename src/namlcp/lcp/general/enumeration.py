@@ -14,8 +14,7 @@ Cottle, Pang and Stone, The Linear Complementarity Problem (1992), section 1.3.
 import numpy as np
 
 from namlcp.lcp.general.search import Search
-from namlcp.outcome import Outcome
-from namlcp.status import Status
+from namlcp.status import Outcome, Status
 
 # Largest order: its 4096 cones take some hundredths of a second.
 LARGEST_ENUMERATION = 12

@@ -47,8 +47,7 @@ from namlcp.lcp.general.tableau import (
 )
 from namlcp.lcp.pivoting.rays import proof
 from namlcp.limits import Limits
-from namlcp.outcome import ENDS, Outcome
-from namlcp.status import Status
+from namlcp.status import ENDS, Outcome, Status
 
 # Largest order: the tableau then takes 200 MB.
 LARGEST_TABLEAU = 5000

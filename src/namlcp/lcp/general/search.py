@@ -19,8 +19,7 @@ from namlcp.lcp.general.paths import mehrotra
 from namlcp.lcp.pivoting.rays import proof
 from namlcp.lcp.shifted import Shifted
 from namlcp.limits import Limits
-from namlcp.outcome import Outcome
-from namlcp.status import Status
+from namlcp.status import Outcome, Status
 
 # Res of the scaled problem, relative to max |q_i|, at which a path ends; the largest
 # one from which the exact solution is sought, and again on the way where it has fallen

@@ -50,8 +50,7 @@ from namlcp.lcp.modulus.methods import (
     is_adaptive,
 )
 from namlcp.limits import Limits
-from namlcp.outcome import Outcome
-from namlcp.status import Status
+from namlcp.status import Outcome, Status
 
 # Default limit on sweeps.
 MAX_NAMED_SWEEPS = 100_000

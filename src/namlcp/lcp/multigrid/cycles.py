@@ -36,8 +36,7 @@ from namlcp.lcp.multigrid.vcycle import VCycle
 from namlcp.limits import Deadline, Limits
 from namlcp.linalg.columns import LEAST_DIVISOR
 from namlcp.measure import natural_residuals
-from namlcp.outcome import Outcome
-from namlcp.status import Status
+from namlcp.status import Outcome, Status
 
 # Cycles at most, by default; suitable matrices need less than 10. Pairs of a forward
 # and a backward sweep in a cycle.

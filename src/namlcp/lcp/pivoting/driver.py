@@ -17,8 +17,7 @@ from namlcp.lcp.shifted import HELD, Shifted
 from namlcp.limits import Limits
 from namlcp.linalg.csc import submatrix
 from namlcp.measure import are_met, natural_residuals
-from namlcp.outcome import Outcome
-from namlcp.status import Status
+from namlcp.status import Outcome, Status
 
 # Default eps_rel; factorisations at most, by default.
 ACCURACY, MAX_FACTORISATIONS = 1e-9, 5000

@@ -9,7 +9,6 @@ import numpy as np
 
 from namlcp.limits import Settings
 from namlcp.options import DEFAULT_OPTIONS
-from namlcp.outcome import Outcome
 from namlcp.qp.active import solve
 from namlcp.qp.active.dense import DenseActiveSet
 from namlcp.qp.active.engine import ActiveSet, Code
@@ -17,7 +16,7 @@ from namlcp.qp.active.null import NullSpace
 from namlcp.qp.active.sparse import SparseActiveSet
 from namlcp.qp.judge import Judge
 from namlcp.qp.problem import QP, Guess, Point
-from namlcp.status import Status
+from namlcp.status import Outcome, Status
 
 FORM = "dual"
 # Operations of what is made anew, over those from which on a method gives up.

@@ -24,7 +24,6 @@ import scipy.sparse as sp
 
 from namlcp.checks import from_arrays
 from namlcp.linalg import times
-from namlcp.outcome import Outcome
 from namlcp.qp.certificates import largest
 from namlcp.qp.closest.rows import (
     ROUNDING,
@@ -34,7 +33,7 @@ from namlcp.qp.closest.rows import (
     scattered,
 )
 from namlcp.qp.problem import QP, Point
-from namlcp.status import Status
+from namlcp.status import Outcome, Status
 
 # A multiplier of stage 1 this close to its floor or ceiling, relative to the largest
 # one, stands at it. Those of a solution are exact to rounding.

@@ -8,12 +8,11 @@ import numpy as np
 
 from namlcp.limits import Limits
 from namlcp.options import Relaxation
-from namlcp.outcome import Outcome
 from namlcp.qp.closest.face import Face, face_of
 from namlcp.qp.closest.rows import Rows, least_shifts, rows_of
 from namlcp.qp.problem import NO_GUESS, QP, Guess, Point, make_guess
 from namlcp.residuals import UNDEFINED, Residuals, qp_residuals
-from namlcp.status import Status
+from namlcp.status import Outcome, Status
 
 Solve = Callable[..., Outcome]
 """Solves a QP: (qp, guess, limits), see `namlcp.qp.route`."""

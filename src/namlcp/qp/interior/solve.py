@@ -6,14 +6,13 @@ import numpy as np
 
 from namlcp.checks import as_sparse
 from namlcp.limits import PASS
-from namlcp.outcome import Outcome
 from namlcp.qp.certificates import alone
 from namlcp.qp.interior.loop import run, try_guess
 from namlcp.qp.interior.state import Interior
 from namlcp.qp.judge import Judge
 from namlcp.qp.problem import QP, Guess
 from namlcp.qp.transforms import Presolved, ScaledQP, presolve
-from namlcp.status import Status
+from namlcp.status import Outcome, Status
 
 FORM = "path"
 

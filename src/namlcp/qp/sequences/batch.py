@@ -21,7 +21,6 @@ from namlcp.checks import real_array
 from namlcp.linalg import blas_threads
 from namlcp.linalg.arrays import stamps_of_items
 from namlcp.options import Options
-from namlcp.outcome import OBJECTIVE, Outcome
 from namlcp.qp.active import MOST_ORDER, OUTCOMES, attach
 from namlcp.qp.active import solve_items as solve_dense_items
 from namlcp.qp.active.dense import DenseActiveSet
@@ -31,7 +30,7 @@ from namlcp.qp.intake import qp_data, stamp_of
 from namlcp.qp.problem import QP, Point, make_guess
 from namlcp.qp.route import Memory, solve_checked
 from namlcp.residuals import UNDEFINED, Residuals
-from namlcp.status import Status
+from namlcp.status import OBJECTIVE, Outcome, Status
 
 STATUSES = tuple(Status)
 MATRICES = ("P", "G", "A")

@@ -16,7 +16,6 @@ from scipy.sparse import csc_array
 
 from namlcp.limits import Deadline
 from namlcp.options import DEFAULT_OPTIONS, Options
-from namlcp.outcome import ENDS, Outcome
 from namlcp.qp.active.engine import Code
 from namlcp.qp.active.once import answer_of, is_slow_anew, kept_for, renew
 from namlcp.qp.active.solve import solve, suggest, updated
@@ -32,7 +31,7 @@ from namlcp.qp.sequences.pattern import (
     is_unchanged,
     within_pattern,
 )
-from namlcp.status import Status
+from namlcp.status import ENDS, Outcome, Status
 
 SOLVED = Status.SOLVED
 # What a copy shares and a pickle holds: arrays that never change.
