@@ -35,7 +35,7 @@ def is_box_open(lower, upper):
     return True
 
 
-# Relative tolerances of the LCP that `solve_large_box` tries one after another.
+# Relative tolerances that are tried one after another on a large LCP.
 SHARPER = (ACCURACY, 1e-11, 1e-13)
 FORM = "bounds"
 
@@ -45,11 +45,16 @@ def solve_bounds(qp, chain, guess, judge, memory):
     limits, z0 = judge.limits, guess.x if guess.x.size else None
     if qp.is_dense:  # to copy and check it may have taken long
         limits.deadline.check()
-    large = not qp.is_dense and qp.q.size >= LARGE_LCP
-    if large:
+    convex = not qp.is_dense and qp.q.size >= LARGE_LCP
+    if convex:
         memory.ensure_convex(qp.P, limits.deadline)
-        outcome = solve_large_box(qp, chain, z0, judge, memory)
-        convex = True
+        lcp = LCP(memory.prepared(qp.P), qp.q, qp.lb, qp.ub)
+        for eps_rel in SHARPER:  # the gap of the QP adds up the errors of all unknowns
+            inner = Limits(0.0, eps_rel, limits.max_iter, limits.deadline)
+            outcome = solve_auto(lcp, z0, inner)
+            z0, worst = outcome.point.z, offer(qp, chain, judge, outcome.point.z)
+            if outcome.status is not Status.SOLVED or worst <= 1.0:
+                break
     else:
         inner = Limits(0.0, ACCURACY, limits.max_iter, limits.deadline)
         matrix = Prepared.unchecked(qp.P, symmetric=True)  # by columns is by rows
@@ -82,19 +87,3 @@ def box_point(qp, z):
 def offer(qp, chain, judge, z):
     """Return the judge's ratio of residual to tolerance for z of the LCP."""
     return judge.offer(chain.point(*box_point(qp, z)))
-
-
-def solve_large_box(qp, chain, z0, judge, memory):
-    """Solve the box LCP with sharper tolerances until the residuals of the QP pass.
-
-    The duality gap of the QP adds up the errors of all unknowns.
-    """
-    lcp = LCP(memory.prepared(qp.P), qp.q, qp.lb, qp.ub)
-    for eps_rel in SHARPER:
-        inner = Limits(0.0, eps_rel, judge.limits.max_iter, judge.limits.deadline)
-        found = solve_auto(lcp, z0, inner)
-        worst = offer(qp, chain, judge, found.point.z)
-        if found.status is not Status.SOLVED or worst <= 1.0:
-            break
-        z0 = found.point.z
-    return found
