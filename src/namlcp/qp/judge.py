@@ -85,7 +85,7 @@ class Judge:
         return least
 
     def misses_gap(self):
-        """Tell whether of the last point offered the gap alone misses its tolerance."""
+        """Tell whether the gap alone of the last point offered misses its tolerance."""
         return self.ratio(self.offered._replace(gap=0.0)) <= 1.0
 
     def measure(self, point, residuals=None):
@@ -105,15 +105,13 @@ class Judge:
         return residuals
 
     def ratio(self, residuals):
-        """Return the largest residual over its tolerance."""
         eps_abs, eps_rel = self.tolerances
         return largest_ratio(residuals, eps_abs, eps_rel)
 
     def residuals_of(self, point):
-        """Return the residuals of a point, by the definition."""
-        P, q, G, h, A, b, lb, ub = self.qp
         if not self.is_columns:
             return qp_residuals(*self.qp, *point)
+        P, q, G, h, A, b, lb, ub = self.qp
         vectors = q, h, b, lb, ub
         return Residuals(*residuals_of_columns(P, G, A, vectors, tuple(point)))
 
@@ -156,7 +154,6 @@ class Judge:
         return self.keep(Status.DUAL_INFEASIBLE, proof)
 
     def keep(self, status, proof):
-        """Keep a certificate, if it is one."""
         if proof is not None:
             self.proof = status, *proof
         return proof is not None
@@ -197,19 +194,12 @@ def are_own(given, qp):
 
 
 def as_stored(given, own):
-    """Return a matrix of the user in its own order, the QP's where it is absent.
-
-    CSC arrays get the types that compiled code takes.
-    """
+    """Return a matrix of the user in its own order, the QP's where it is absent."""
     if given is None:
         return own
-    if not sp.issparse(given):
-        return np.atleast_2d(np.asarray(given, dtype=float))
-    if given.format != "csc":
+    if sp.issparse(given):
         return given
-    data = np.ascontiguousarray(given.data, dtype=float)
-    places = (np.ascontiguousarray(v, np.int32) for v in (given.indices, given.indptr))
-    return sp.csc_array((data, *places), shape=given.shape)
+    return np.atleast_2d(np.asarray(given, dtype=float))
 
 
 def norm(M):

@@ -102,7 +102,6 @@ class Condensed(Factors):
     """
 
     def __init__(self, indptr, indices, n):
-        """Lay out S and R for n variables."""
         Factors.__init__(self, indptr)
         rows = self.n - n
         self.width, self.entries = n, n * self.n
@@ -115,7 +114,6 @@ class Condensed(Factors):
         self.u = numbers(parts[2][2], self.n)
 
     def factor_values(self, data, watch):
-        """Do as `refactor` does."""
         n, S, R, D, indptr = self.width, self.S, self.R, self.D, self.indptr
         rows = self.n - n
         fill(S, 0.0, n * n)
@@ -137,7 +135,6 @@ class Condensed(Factors):
         return cholesky(S, n)
 
     def solve_into(self, rhs, x):
-        """Set x = K^-1 rhs."""
         n, rows, D, y, u = self.width, self.n - self.width, self.D, self.y, self.u
         for i in range(rows):
             y[i] = D[i] * rhs[n + i]

@@ -95,7 +95,6 @@ class QP(NamedTuple):
         return cls(P, q, G, joined[h:b], A, joined[b:lb], *sides)
 
     def has_matrices_of(self, other: "QP") -> bool:
-        """Tell whether P, G and A are the very same objects."""
         return self.P is other.P and self.G is other.G and self.A is other.A
 
 

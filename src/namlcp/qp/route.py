@@ -53,7 +53,6 @@ class Chain:
         self.transforms, self.back = transforms, transforms[::-1]
 
     def then(self, *transforms):
-        """Return the chain with more transforms at the engine's end."""
         return Chain(*self.transforms, *transforms)
 
     def point(self, *parts):
@@ -203,7 +202,7 @@ def solve_transformed(qp, guess, judge, memory):
 
 
 def solve_by_engines(qp, chain, guess, judge, memory, small=None):
-    """Return the answer of the first engine that decides, else that of the last one."""
+    """Return the first answer that decides, else that of the last engine."""
     guess, small = chain.guess(guess), is_small(qp) if small is None else small
     for suits, solve in ENGINES:
         if suits(qp, small, memory):
@@ -265,7 +264,6 @@ if that is nothing. chain: the way from the user's QP to `qp`."""
 
 
 def describe(qp, options):
-    """Return the first lines of the verbose output."""
     bounds = np.count_nonzero(np.isfinite(qp.lb)) + np.count_nonzero(np.isfinite(qp.ub))
     kind = "dense" if qp.is_dense else "sparse"
     return (
@@ -277,7 +275,6 @@ def describe(qp, options):
 
 
 def conclude(answer, seconds):
-    """Return the closing sentence of the verbose output."""
     status, r = answer.status.value, answer.residuals
     return (
         f"{status}: {answer.method}, {answer.iterations} it, {seconds:.1e} s"
