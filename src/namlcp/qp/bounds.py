@@ -22,8 +22,7 @@ from namlcp.lcp import (
 )
 from namlcp.limits import Limits
 from namlcp.linalg import times
-from namlcp.measure import on_bounds
-from namlcp.qp.problem import NO_ENTRIES, Point
+from namlcp.qp.problem import NO_ENTRIES
 from namlcp.status import Status
 
 
@@ -52,7 +51,8 @@ def solve_bounds(qp, chain, guess, judge, memory):
         for eps_rel in SHARPER:  # the gap of the QP adds up the errors of all unknowns
             inner = Limits(0.0, eps_rel, limits.max_iter, limits.deadline)
             outcome = solve_auto(lcp, z0, inner)
-            z0, worst = outcome.point.z, offer(qp, chain, judge, outcome.point.z)
+            z0 = outcome.point.z
+            worst = judge.offer(point_of(qp, chain, z0))
             if outcome.status is not Status.SOLVED or worst <= 1.0:
                 break
     else:
@@ -62,14 +62,14 @@ def solve_bounds(qp, chain, guess, judge, memory):
         attempt = Attempt(lcp, z0, inner, ask_convex=True)
         attempt.run()
         if attempt.solved and attempt.convex:  # the residuals of the LCP need no check
-            if offer(qp, chain, judge, attempt.best()) <= 1.0:
+            if judge.offer(point_of(qp, chain, attempt.best())) <= 1.0:
                 return judge.answer(Status.SOLVED, attempt.factorisations, FORM)
         outcome, convex = attempt.outcome(), attempt.convex
         if outcome.ray is None:
-            offer(qp, chain, judge, outcome.point.z)
+            judge.offer(point_of(qp, chain, outcome.point.z))
     if outcome.ray is not None:
         memory.ensure_convex(as_sparse(qp.P))
-        point = chain.point(*box_point(qp, outcome.point.z))
+        point = point_of(qp, chain, outcome.point.z)
         if not judge.accept_ray(chain.ray(outcome.ray), point):
             return None
     elif judge.is_solved and not convex:
@@ -77,13 +77,6 @@ def solve_bounds(qp, chain, guess, judge, memory):
     return judge.answer(outcome.status, outcome.iterations, FORM)
 
 
-def box_point(qp, z):
-    """Return the point of the QP for z of the LCP."""
-    z_box = -(times(qp.P, z) + qp.q)
-    x, z_box = on_bounds(z, z_box, qp.lb, qp.ub, True)
-    return Point(x, NO_ENTRIES, NO_ENTRIES, z_box)
-
-
-def offer(qp, chain, judge, z):
-    """Return the judge's ratio of residual to tolerance for z of the LCP."""
-    return judge.offer(chain.point(*box_point(qp, z)))
+def point_of(qp, chain, z):
+    """Return the user's point for z of the LCP."""
+    return chain.point(z, NO_ENTRIES, NO_ENTRIES, -(times(qp.P, z) + qp.q))
