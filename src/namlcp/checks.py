@@ -31,25 +31,12 @@ INFINITE = 0.999e20
 """Bounds of at least this modulus mean "no bound". The QP collections write 1e20, and
 some of these numbers have become slightly smaller by scaling."""
 
-FLOAT = np.dtype(np.float64)
-INDEX = np.dtype(np.int32)
 
-
-def is_clean(array: Any, ndim: int) -> bool:
-    """Tell whether `array` can go to compiled code as it is."""
-    return (
-        type(array) is np.ndarray
-        and array.dtype == FLOAT
-        and array.ndim == ndim
-        and array.flags.carray
-    )
-
-
-def clean_copy(array: np.ndarray, kind: Any) -> np.ndarray:
-    """Return `array`, copied unless it is C-contiguous, writeable and of the dtype."""
-    if array.dtype == kind and array.flags.carray:
+def clean_copy(array: np.ndarray) -> np.ndarray:
+    """Return `array`, copied unless it is C-contiguous, writeable and of float64."""
+    if array.dtype == np.float64 and array.flags.carray:
         return array
-    return np.array(array, kind, order="C")
+    return np.array(array, np.float64, order="C")
 
 
 def real_array(name: str, value: Any) -> np.ndarray:
@@ -71,7 +58,7 @@ def real_array(name: str, value: Any) -> np.ndarray:
         array = exact_numbers(name, array)
     if array.dtype.kind not in "biuf":
         raise not_real(name, f"dtype {array.dtype}")
-    return clean_copy(array, np.float64)
+    return clean_copy(array)
 
 
 def not_real(name: str, came: str) -> TypeError:
@@ -111,20 +98,19 @@ def vector(
     `other`, of `shape`, is the argument that sets the size. Raises unless all of it is
     finite, if asked to.
     """
+    if sp.issparse(value) and math.prod(value.shape) == size:
+        checked_order(name, value)
+        value = value.toarray()
     array = value
-    if not (is_clean(value, 1) and value.size == size):
-        if sp.issparse(value) and math.prod(value.shape) == size:
-            checked_order(name, value)
-            value = value.toarray()
-        if not sp.issparse(value):  # one of another size is not made dense
-            array = real_array(name, value)
-            if array.ndim == 2 and 1 in array.shape:
-                array = array.ravel()
-        if array.shape != (size,):
-            raise ValueError(
-                f"{name} must have shape ({size},) to match {other} of shape {shape}, "
-                f"got {np.shape(value)}"
-            )
+    if not sp.issparse(value):  # one of another size is not made dense
+        array = real_array(name, value)
+        if array.ndim == 2 and 1 in array.shape:
+            array = array.ravel()
+    if array.shape != (size,):
+        raise ValueError(
+            f"{name} must have shape ({size},) to match {other} of shape {shape}, "
+            f"got {np.shape(value)}"
+        )
     if finite:
         refuse_number(name, array, False)
     return array
@@ -132,7 +118,7 @@ def vector(
 
 def number_or_vector(name: str, value: Any, n: int, other: str = "A") -> np.ndarray:
     """Return `value` as `vector` does, a number for all n entries."""
-    if not (is_clean(value, 1) or sp.issparse(value)):
+    if not sp.issparse(value):
         value = real_array(name, value)
         if value.ndim == 0:
             return constant(n, float(value))
@@ -187,7 +173,7 @@ def first(array: np.ndarray, count: int) -> np.ndarray:
 
 def narrow(indices: np.ndarray) -> np.ndarray | None:
     """Return indices as clean int32 ones, None if one does not fit."""
-    if indices.dtype == INDEX and indices.flags.carray:
+    if indices.dtype == np.int32 and indices.flags.carray:
         return indices
     if indices.dtype.kind not in "iu":
         return None
@@ -212,7 +198,7 @@ def sparse_matrix(name: str, value: Any, layout: str) -> Any:
         value.sum_duplicates()
         return sparse_matrix(name, value, layout)
     indptr, indices = places
-    data = clean_copy(first(value.data, indptr[-1]), np.float64)
+    data = clean_copy(first(value.data, indptr[-1]))
     parts: Any = indptr, first(indices, indptr[-1]), data
     own = value.indptr, value.indices, value.data
     if value.format == layout and all(map(operator.is_, parts, own)):
@@ -235,8 +221,6 @@ def matrix(name: str, value: Any, layout: str) -> Any:
 
     A vector is one row.
     """
-    if is_clean(value, 2):
-        return value
     if sp.issparse(value):
         return sparse_matrix(name, value, layout)
     array = real_array(name, value)

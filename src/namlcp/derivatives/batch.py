@@ -60,7 +60,7 @@ def differentiate_items(
     found = Found(q, h, b, lb, ub, sides, weak, np.zeros(count, bool))
     if items.shared.is_dense:
         given = (items.shared._asdict() | items.stacked).values()
-        clean = (clean_copy(v, np.float64) for v in given)
+        clean = (clean_copy(v) for v in given)
         arrays, dense = (*clean, *points, *parts), chosen
         chunks = chunks_of(dense.size, (n + m + p) * n * n, threads)
 
