@@ -10,7 +10,6 @@ x that would remove it without rounding make it another multiple, mostly a small
 """
 
 import numpy as np
-import scipy.sparse as sp
 
 from namlcp.linalg import add_transposed, times
 from namlcp.measure import signed_gap
@@ -129,16 +128,14 @@ def correct_gap_by_multipliers(qp, point, tol, dual_left):
 
     All multipliers of one sum s'z, such as ub'z_box^+, change together, by -g s/s's for
     the gap g; ub'z_box^+ is first, being added last and thus rounded least. Those that
-    would flip their sign, or change the dual residual by more than `dual_left`, are
-    left out once; a sum is skipped if some are left then, or if all corrections
-    together would add more than that.
+    would flip their sign are left out once; a sum is skipped if some still would, or if
+    all corrections together would add more than `dual_left` to the dual residual.
     """
     x, y, z, z_box = point
     n, p, m = x.size, y.size, z.size
     # multipliers and their right-hand sides in the order b, h, lb, ub
     multiplier = np.concatenate((y, z, np.minimum(z_box, 0.0), np.maximum(z_box, 0.0)))
     side = np.concatenate((qp.b, qp.h, qp.lb, qp.ub))
-    largest = np.concatenate((row_maxima(qp.A), row_maxima(qp.G), np.ones(2 * n)))
     usable = np.isfinite(side) & (side != 0.0)
     usable[p:] &= multiplier[p:] != 0.0
     Px = times(qp.P, x)
@@ -155,8 +152,7 @@ def correct_gap_by_multipliers(qp, point, tol, dual_left):
             top = np.abs(side[part]).max()
             s = side[part] / top  # side^2 may overflow
             change = -gap / top / (s @ s) * s
-            fits = np.abs(change) * largest[part] <= dual_left
-            fits &= (part < p) | ((multiplier[part] + change) * multiplier[part] > 0.0)
+            fits = (part < p) | ((multiplier[part] + change) * multiplier[part] > 0.0)
         if not (part.size and fits.all()):
             continue
         new = multiplier.copy()
@@ -173,12 +169,3 @@ def correct_gap_by_multipliers(qp, point, tol, dual_left):
             if abs(gap) <= tol:
                 return new_point
     return point
-
-
-def row_maxima(M):
-    """Return the largest modulus in each row of a matrix, 0 of an empty row."""
-    if not sp.issparse(M):
-        return np.abs(M).max(axis=1, initial=0.0)
-    largest, entries = np.zeros(M.shape[0]), M.tocoo()
-    np.maximum.at(largest, entries.row, np.abs(entries.data))
-    return largest
