@@ -8,6 +8,7 @@ import scipy.sparse as sp
 
 from namlcp import Residuals, natural_residual, qp_residuals
 from namlcp.measure import signed_gap
+from namlcp.qp import QP
 
 
 def one_variable(z=0.0, z_box=0.0, lb=-np.inf, ub=np.inf, x=1.0):
@@ -106,7 +107,8 @@ def test_the_gap_is_added_as_the_host_adds_it(n):
     wanted = x.dot(Px) + q.dot(x) + terms(h, z, 0.0) + b.dot(y)
     wanted += terms(lb, z_box, -1.0)
     wanted += terms(ub, z_box, 1.0)
-    assert signed_gap((q, h, b, lb, ub), (x, y, z, z_box), Px) == wanted
+    qp = QP(None, q, None, h, None, b, lb, ub)
+    assert signed_gap(qp, (x, y, z, z_box), Px) == wanted
 
 
 def test_vectors_need_not_be_contiguous():

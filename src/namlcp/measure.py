@@ -201,10 +201,10 @@ def ratio(residual, tolerance):
     return INFINITY if residual > 0.0 else residual
 
 
-def signed_gap(vectors, point, Px):
-    """Return `gap_by_products` of arrays."""
+def signed_gap(qp, point, Px):
+    """Return `gap_by_products` of a QP at a point."""
     t: Terms
-    set_terms(cython.address(t), vectors, point)
+    set_terms(cython.address(t), (qp.q, qp.h, qp.b, qp.lb, qp.ub), point)
     t.Px = numbers(Px, t.n)
     size = max(t.n, t.m)
     work = new_vector(2 * size)

@@ -804,18 +804,16 @@ def lcp_result(
     vectors: those of the LCP that are not defaults.
     start, ready: the values of perf_counter() at the call and after its checks.
     """
-    (z, w, s), (lcp, _) = outcome.point, problem
-    if s is None:
+    point, (lcp, _) = outcome.point, problem
+    if point.s is None:
         with np.errstate(all="ignore"):  # of numbers that are not finite
-            s = z - w / lcp.matrix.slopes
+            point = point._replace(s=point.z - point.w / lcp.matrix.slopes)
     stamp = None
     if not isinstance(lcp.A, Operator):  # which has no derivatives
         stamp = stamp_of_arrays(vectors, lcp.matrix.stamp), vectors
     return LCPResult(
+        **point._asdict(),
         status=outcome.status,
-        z=z,
-        w=w,
-        s=s,
         iterations=outcome.iterations,
         residual=outcome.residuals,
         method=outcome.method,

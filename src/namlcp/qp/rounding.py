@@ -99,11 +99,10 @@ def correct_gap_by_x(qp, point, tol):
     random half of the variables each, start from the gap that was left. The first
     point with a gap of at most `tol` is the last one.
     """
-    vectors = qp.q, qp.h, qp.b, qp.lb, qp.ub
     inside = (point.x > qp.lb) & (point.x < qp.ub)
     rng = np.random.default_rng(0)
     Px = times(qp.P, point.x)
-    gap = signed_gap(vectors, tuple(point), Px)
+    gap = signed_gap(qp, point, Px)
     best, least = point, abs(gap)
     for move in range(MOVES):
         v = np.where(inside, 2.0 * Px + qp.q, 0.0)
@@ -115,7 +114,7 @@ def correct_gap_by_x(qp, point, tol):
         v /= top  # else v'v may overflow
         point = point._replace(x=qp.clip(point.x - gap / top / (v @ v) * v))
         Px = times(qp.P, point.x)
-        gap = signed_gap(vectors, tuple(point), Px)
+        gap = signed_gap(qp, point, Px)
         if abs(gap) < least:
             best, least = point, abs(gap)
         if least <= tol:
@@ -139,9 +138,8 @@ def correct_gap_by_multipliers(qp, point, tol, dual_left):
     usable = np.isfinite(side) & (side != 0.0)
     usable[p:] &= multiplier[p:] != 0.0
     Px = times(qp.P, x)
-    vectors = qp.q, qp.h, qp.b, qp.lb, qp.ub
     added = np.zeros(n)  # to the dual residual, by all changes
-    gap = signed_gap(vectors, tuple(point), Px)
+    gap = signed_gap(qp, point, Px)
     ends = p, p + m, p + m + n
     for part in reversed(np.split(np.arange(side.size), ends)):
         fits = usable[part]
@@ -165,7 +163,7 @@ def correct_gap_by_multipliers(qp, point, tol, dual_left):
             added, multiplier = total, new
             y, z, lower, upper = np.split(multiplier, ends)
             new_point = Point(x, y, z, lower + upper)
-            gap = signed_gap(vectors, tuple(new_point), Px)
+            gap = signed_gap(qp, new_point, Px)
             if abs(gap) <= tol:
                 return new_point
     return point
