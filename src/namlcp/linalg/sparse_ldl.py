@@ -38,6 +38,7 @@ from cython.cimports.namlcp.linalg.arrays import (
     places,
 )
 from cython.cimports.namlcp.linalg.arrays import indices as longs_at
+from cython.cimports.namlcp.linalg.ordering import append_rows
 from cython.cimports.namlcp.linalg.vectors import subtract_sum
 from cython.cimports.namlcp.watch import Watched, is_over, raise_kept
 
@@ -211,17 +212,8 @@ def lay_out(f, indptr, parent, counts):
     for k in range(n):
         starts[k + 1] = starts[k] + counts[k]
         done[k] = starts[k]
-        width[k] = -1
-    for k in range(n):
-        # Row k of L has entries on the paths from those of K up the tree to k.
-        width[k] = k  # the last row that came by, for now
-        for t in range(f.columns[k], f.columns[k + 1]):
-            i: Py_ssize_t = f.rows[t]
-            while width[i] != k:
-                width[i] = k
-                f.below[done[i]] = k
-                done[i] += 1
-                i = parent[i]
+        f.reach[k] = k  # here, each column is a supernode
+    append_rows(n, f.columns, f.rows, parent, f.reach, width, done, f.below)
     begin: Py_ssize_t = 0
     while begin < n:
         columns = 4  # that are alike
