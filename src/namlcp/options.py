@@ -41,7 +41,8 @@ class Options:
         Print a table of the progress on standard output.
     threads : int
         Threads that the solve may use, >= 1. More than one help dense QPs of 600
-        variables and rows or more, on an idle machine.
+        variables and rows or more, and sparse ones whose factorisations take 20 ms or
+        more, on an idle machine.
     infeasible : str or Relaxation
         What comes back if no x is feasible. "certificate": a proof alone. "closest",
         "elastic" or a `Relaxation`: also `QPResult.closest`, the solution of the

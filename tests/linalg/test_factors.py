@@ -10,7 +10,15 @@ import numpy as np
 import pytest
 from problems_elimination import laplacian, natural, parts, quasi_definite, upper
 from problems_qp import assert_solves_qp, make_qp
-from scipy.sparse import block_array, csc_array, diags_array, eye_array
+from scipy.sparse import (
+    block_array,
+    csc_array,
+    diags_array,
+    eye_array,
+    hstack,
+    kronsum,
+    triu,
+)
 
 from namlcp import solve_qp
 from namlcp.linalg import (
@@ -174,22 +182,76 @@ def test_a_qp_is_solved_with_either_kind_of_factors(monkeypatch):
     np.testing.assert_allclose(heavy.x, usual.x, atol=1e-7)
 
 
-def test_what_is_raised_in_a_long_factorisation_ends_it(monkeypatch):
+def assert_ended_by_ctrl_c(monkeypatch, factors, data):
     """What the first look at the clock raises comes out of the factorisation."""
 
     def press():
         raise KeyboardInterrupt
 
-    K = quasi_definite(200, 150, 1.0, 1)
-    U = upper(K)
-    fronts = by_degree(Fronts)(U)
     with monkeypatch.context() as patch:
         patch.setattr("time.perf_counter", press)
         with pytest.raises(KeyboardInterrupt):
-            fronts.refactor(U.data)
+            factors.refactor(data)
+
+
+def test_what_is_raised_in_a_long_factorisation_ends_it(monkeypatch):
+    K = quasi_definite(200, 150, 1.0, 1)
+    U = upper(K)
+    fronts = by_degree(Fronts)(U)
+    assert_ended_by_ctrl_c(monkeypatch, fronts, U.data)
     fronts.refactor(U.data)
     rhs = np.ones(len(K))
     np.testing.assert_allclose(K @ fronts.solve(rhs), rhs, atol=1e-8)
+
+
+# ---- threads
+
+
+@functools.cache
+def control(n):
+    """Return P and A of a control problem on a grid in space, and the K of its QP."""
+    side = diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(n, n))
+    A = hstack((kronsum(kronsum(side, side), side), -eye_array(n**3)))
+    P = diags_array(np.r_[np.ones(n**3), np.full(n**3, 1e-2)])
+    K = block_array([[P, A.T], [A, -1e-6 * eye_array(n**3)]])
+    return P, csc_array(A), upper(K)
+
+
+def test_threads_give_equal_bits():
+    """Of the factors, their solutions, and of a QP with large factors."""
+    P, A, U = control(14)
+    order = minimum_degree(*parts(U))
+    rhs = np.sin(np.arange(U.shape[0]))
+    found = []
+    for threads in (1, 2, 3, 8):
+        f = Fronts(*parts(U), order, None, threads)
+        for _ in range(3):
+            f.refactor(U.data)
+            found.append((f.pivots.tobytes(), f.solve(rhs).tobytes()))
+        assert f.threads == threads
+    assert len(set(found)) == 1
+    solve = functools.partial(
+        solve_qp, P, -rhs[: 2 * 14**3], A=A, b=np.zeros(14**3), lb=-np.ones(2 * 14**3)
+    )
+    one, two = (solve(eps_abs=1e-6, threads=threads) for threads in (1, 2))
+    assert one.status.value == two.status.value == "solved"
+    np.testing.assert_array_equal(one.x, two.x)
+
+
+def test_all_threads_stop_and_begin_again(monkeypatch):
+    U = control(14)[2]
+    f = Fronts(*parts(U), minimum_degree(*parts(U)), None, 2)
+    for value in (0.0, np.nan):
+        with pytest.raises(ValueError, match="pivot"):
+            f.refactor(U.data * value)
+    assert_ended_by_ctrl_c(monkeypatch, f, U.data)
+    f.refactor(U.data)
+    K, one = csc_array(U + triu(U, 1).T), np.ones(U.shape[0])
+    K.sort_indices()
+    lu = plan_lu(K.indptr, K.indices).another()  # of one thread, in pieces too
+    lu.refactor(K.data)
+    for factors_of_K in f, lu:
+        np.testing.assert_allclose(K @ factors_of_K.solve(one), one, atol=1e-8)
 
 
 # ---- symmetric patterns of other values

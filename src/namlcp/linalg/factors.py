@@ -13,6 +13,7 @@ from namlcp.linalg.fronts import Fronts
 from namlcp.linalg.minimum_degree import minimum_degree
 from namlcp.linalg.ordering import Order, chained, nested_dissection
 from namlcp.linalg.sparse_ldl import Factors, SparseFactors
+from namlcp.linalg.threads import STATE
 
 # Work of a factorisation, see `Order.work`, in all and for each row, from which on
 # dense fronts are used: a factorisation and six solves take as long both ways there.
@@ -38,7 +39,7 @@ def plan_factors(
     order = best_order(indptr, indices, deadline)
     deadline.check(PASS * order.entries)
     if order.work >= max(HEAVY, HEAVY_ROW * order.parent.size):
-        fronts = Fronts(indptr, indices, chained(order))
+        fronts = Fronts(indptr, indices, chained(order), None, STATE.threads)
         if fronts.stack <= MOST_WAITING * order.entries:
             return fronts
     return SparseFactors(indptr, indices, order)

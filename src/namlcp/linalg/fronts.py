@@ -17,11 +17,16 @@ other matrices this is justified by measurement alone (`lcp.general.cones`).
 Updates are kept on two stacks that grow towards each other, one for supernodes of even
 depth, one for odd depth: so those of the children are at the end of the one while that
 of their parent is set at the end of the other.
+
+Threads share the work by *pieces*: subtrees, each with stacks of its own, and at last
+all other supernodes, which one thread does alone. A front takes what its children pass
+on in their order, in a factorisation and in a solve: so the bits are the same for any
+number of threads.
 """
 
 import cython
 import numpy as np
-from cython import Py_ssize_t, address, cast, p_double
+from cython import Py_ssize_t, address, cast, p_double, p_void
 from cython.cimports.libc.math import isfinite
 from cython.cimports.libc.string import memset
 from cython.cimports.namlcp.linalg.arrays import indices as longs
@@ -35,16 +40,19 @@ from cython.cimports.namlcp.linalg.vectors import (
     four_dots,
     subtract_sum,
 )
-from cython.cimports.namlcp.watch import is_over
+from cython.cimports.namlcp.watch import OFTEN, Watched, is_over
 from cython.cimports.scipy.linalg.cython_blas import dgemm, dtrsm
 
 from namlcp.linalg.ordering import supernodes
+
+# Work of a factorisation, the sum of k f^2, from which on it is divided.
+WORTH = 3e8
 
 
 class Fronts(Factors):
     """`Factors` by dense fronts."""
 
-    def __init__(self, indptr, indices, order, pairs=None):
+    def __init__(self, indptr, indices, order, pairs=None, threads=1):
         """Lay out L for a matrix K, the upper triangle of its pattern given.
 
         If K is not symmetric, entry t of this triangle stands for data[pairs[0, t]]
@@ -59,8 +67,8 @@ class Fronts(Factors):
             self.nnz = 2 * self.nnz - self.n
         n, number, length = self.n, nodes.parent.size, nodes.rows.size
         ints, above = np.empty((2, number), np.int32), np.empty(length, np.int32)
-        at, target = np.zeros(number, np.intp), np.empty(size, np.intp)
-        x = np.empty(n)
+        at, target = np.empty(number, np.intp), np.empty(size, np.intp)
+        x, passed = np.empty(n), np.empty(length)
         t = address(self.t)
         t.number = number
         t.place, t.first = places(order.place, n), places(nodes.first, number + 1)
@@ -71,56 +79,88 @@ class Fronts(Factors):
         t.child, t.sibling = places(ints[0], number), places(ints[1], number)
         t.above, t.at = places(above, length), longs(at, number)
         t.target, t.x = longs(target, size), numbers(x, n)
+        t.passed = numbers(passed, length)
         for side in range(self.sides):
             self.sources[side] = places(sources[side], size)
+        self.arrays = nodes, order, sources, ints, above, at, target, x, passed
         self.allocate()
-        position, held = np.empty(n, np.int32), np.empty(number, np.intp)
+        position = np.empty(n, np.int32)
         lay_out(self, places(position, n))
-        self.stack = stack_updates(self, longs(held, number))
-        k, f = np.diff(nodes.first), np.diff(nodes.starts)
-        width: Py_ssize_t = f.max() + 3
-        room = max(((f - k) * np.minimum(k, DEPTH)).max(), BLOCK * f.max()) + width
-        stack, work = np.empty(self.stack), np.empty(room)
-        t.stack, t.w = numbers(stack, self.stack), numbers(work, room)
-        t.scaled = t.w + width
-        self.arrays = (
-            nodes, order, sources, ints, above, at, target, x, stack, work,
-        )  # fmt: skip
+        self.share(nodes, min(threads, MOST_THREADS))
 
     def allocate(self):
-        """Make room for the panels and D."""
         size: Py_ssize_t = self.t.panels[self.t.number]
         self.values, self.pivots = np.empty((self.sides, size)), np.empty(self.n)
         for side in range(self.sides):
             self.panels[side] = numbers(self.values[side], size)
         self.D, self.entries = numbers(self.pivots, self.n), self.sides * size
 
+    def share(self, nodes, threads):
+        """Lay out the pieces, the stacks and the work space of so many threads."""
+        t, n, number = address(self.t), self.n, self.t.number
+        k, f = np.diff(nodes.first), np.diff(nodes.starts)
+        sequence, bounds = pieces_of(nodes.parent, k * f.astype(float) ** 2)
+        t.pieces = bounds.size - 1
+        t.sequence, t.bounds = longs(sequence, number), longs(bounds, bounds.size)
+        held = np.empty(number, np.intp)
+        self.stack = stack_updates(self, longs(held, number))
+        threads = threads if t.pieces > 1 else 1
+        width: Py_ssize_t = f.max() + 3
+        room = max(((f - k) * np.minimum(k, DEPTH)).max(), BLOCK * f.max()) + width
+        stack, work = np.empty(self.stack), np.empty((threads, room))
+        z = np.zeros((threads, n))
+        t.stack = numbers(stack, self.stack)
+        self.shared = sequence, bounds, stack, work, z
+        for i in range(threads):
+            desk = self.desks + i
+            desk.number, desk.owner, desk.z = i, cast(p_void, self), numbers(z[i], n)
+            desk.w = numbers(work[i], room)
+            desk.scaled = desk.w + width
+            if i > 0:
+                desk.done = PyThread_allocate_lock()
+                PyThread_acquire_lock(desk.done, 1)
+        self.guard, self.threads = PyThread_allocate_lock(), threads
+
+    def __dealloc__(self):
+        if self.guard != cython.NULL:
+            PyThread_free_lock(self.guard)
+        for i in range(1, self.threads):
+            PyThread_free_lock(self.desks[i].done)
+
     def another(self):
-        """Return factors of the same layout and work space."""
+        """Return factors of the same layout and work space, on one thread."""
         other: Fronts = Fronts.__new__(Fronts)
         other.n, other.nnz, other.t = self.n, self.nnz, self.t
-        other.sides, other.arrays = self.sides, self.arrays
+        other.sides, other.arrays, other.shared = self.sides, self.arrays, self.shared
         other.sources[0], other.sources[1] = self.sources[0], self.sources[1]
+        other.desks[0], other.threads = self.desks[0], 1
+        other.guard = PyThread_allocate_lock()
         other.allocate()
         return other
 
     def factor_values(self, data, watch):
-        self.data = data
-        for s in range(self.t.number):
-            if not factor_front(self, s, watch):
-                return False
-        return not watch.over
+        self.data, self.failed = data, False
+        do_tasks(self, FACTOR, watch)
+        do_piece(self, self.t.pieces - 1, watch, self.desks)
+        return not (self.failed or watch.over)
 
     def solve_into(self, rhs, x):
-        place, y = self.t.place, self.t.x
+        t, desk = address(self.t), self.desks
+        place, y, top = t.place, t.x, t.pieces - 1
         for j in range(self.n):
             y[place[j]] = rhs[j]
-        for s in range(self.t.number):
-            forward(self, s)
+        self.failed = False
+        do_tasks(self, FORWARD, None)
+        for p in range(top):
+            v = front_at(self, t.sequence[t.bounds[p + 1] - 1])
+            for i in range(v.u):
+                y[v.rows[i]] += v.passed[i]
+        do_piece(self, top, None, desk)
         for j in range(self.n):
             y[j] /= self.D[j]
-        for s in range(self.t.number - 1, -1, -1):
-            backward(self, s)
+        self.work = BACKWARD
+        do_piece(self, top, None, desk)
+        do_tasks(self, BACKWARD, None)
         for j in range(self.n):
             x[j] = y[place[j]]
 
@@ -160,24 +200,53 @@ def stack_updates(f, held):
     """
     t = address(f.t)
     height = cython.declare(Py_ssize_t[2])
-    height[0] = height[1] = 0
-    most: Py_ssize_t = 0
+    total: Py_ssize_t = 0
     for s in range(t.number - 1, -1, -1):
         t.at[s] = 0 if t.parent[s] < 0 else 1 - t.at[t.parent[s]]  # the stack, for now
         held[s] = 0
-    for s in range(t.number):
-        v, stack = front_at(f, s), t.at[s]
-        size = f.sides * v.u * v.u
-        t.at[s] = height[stack] if stack == 0 else -height[stack] - size
-        height[stack] += size
-        most = max(most, height[0] + height[1])
-        height[1 - stack] -= held[s]
-        if t.parent[s] >= 0:
-            held[t.parent[s]] += size
-    for s in range(t.number):
-        if t.at[s] < 0:
-            t.at[s] += most
-    return most
+    for p in range(t.pieces):
+        begin, end = t.bounds[p], t.bounds[p + 1]
+        height[0] = height[1] = 0
+        most: Py_ssize_t = 0
+        for i in range(begin, end):
+            s = t.sequence[i]
+            v, g = front_at(f, s), t.parent[s]
+            size, stack = f.sides * v.u * v.u, t.at[s]
+            t.at[s] = height[stack] if stack == 0 else -height[stack] - size
+            height[stack] += size
+            most = max(most, height[0] + height[1])
+            height[1 - stack] -= held[s]
+            if g >= 0 and (i + 1 < end or p + 1 == t.pieces):  # of this piece
+                held[g] += size
+        for i in range(begin, end):
+            s = t.sequence[i]
+            t.at[s] += total if t.at[s] >= 0 else total + most
+        total += most
+    return total
+
+
+def pieces_of(parent, work):
+    """Return the supernodes of all pieces, and where each piece begins.
+
+    Subtrees, the largest first, have at most 1 / PARTS of the work; there is but one
+    piece where threads are not worth it.
+    """
+    number: Py_ssize_t = parent.shape[0]
+    pieces, works = np.full(number, number), np.append(work, 0.0)
+    piece: Py_ssize_t[::1] = pieces
+    whole: cython.double[::1] = works
+    for s in range(number):  # the last one is the sum of all trees
+        whole[parent[s] if parent[s] >= 0 else number] += whole[s]
+    most = whole[number] / PARTS if whole[number] >= WORTH else 0.0
+    whole[number] = 0.0
+    for s in range(number - 1, -1, -1):
+        if parent[s] >= 0 and piece[parent[s]] < number:
+            piece[s] = piece[parent[s]]
+        elif whole[s] <= most:
+            piece[s] = s
+    sequence = np.lexsort((pieces, -works[pieces]))
+    ends = np.flatnonzero(np.diff(pieces[sequence])) + 1
+    return sequence, np.concatenate(([0], ends, [number]))
 
 
 def front_at(f, s):
@@ -189,17 +258,80 @@ def front_at(f, s):
     v.u = v.f - v.k
     v.rows, v.above = t.rows + start + v.k, t.above + start + v.k
     v.panels[0], v.panels[1] = f.panels[0] + t.panels[s], f.panels[1] + t.panels[s]
-    v.update = t.stack + t.at[s]
+    v.update, v.passed = t.stack + t.at[s], t.passed + start + v.k
     return v
+
+
+# ---- pieces, on threads
+
+
+def do_tasks(f, work, watch):
+    """Do the work of all pieces but the last one, on all threads."""
+    f.work, f.next = work, 0
+    if f.t.pieces == 1:
+        return
+    for i in range(1, f.threads):
+        f.desks[i].watch = cast(p_void, watch)
+        if PyThread_start_new_thread(help_along, f.desks + i) == -1:
+            PyThread_release_lock(f.desks[i].done)
+    take_tasks(f, watch, f.desks)
+    for i in range(1, f.threads):
+        while PyThread_acquire_lock_timed(f.desks[i].done, PATIENCE, 0) != 1:
+            if watch is not None:
+                is_over(watch, OFTEN)
+
+
+def help_along(own):
+    """Be a thread, at a `Desk`."""
+    desk = cast(cython.pointer(Desk), own)
+    take_tasks(cast(Fronts, desk.owner), cast(Watched, desk.watch), desk)
+    PyThread_release_lock(desk.done)
+
+
+def take_tasks(f, watch, desk):
+    """Do pieces that no other thread has taken."""
+    while not f.failed:
+        PyThread_acquire_lock(f.guard, 1)
+        p = f.next
+        f.next += 1
+        PyThread_release_lock(f.guard)
+        if p + 1 >= f.t.pieces:
+            break
+        do_piece(f, p, watch, desk)
+
+
+def do_piece(f, p, watch, desk):
+    """Do the work of one piece, backward from its last supernode if it is asked for."""
+    begin, end = f.t.bounds[p], f.t.bounds[p + 1]
+    if f.work == FACTOR:
+        for i in range(begin, end):
+            if f.failed or not factor_front(f, f.t.sequence[i], watch, desk):
+                f.failed = True
+                break
+    elif f.work == BACKWARD:
+        for i in range(end - 1, begin - 1, -1):
+            backward(f, f.t.sequence[i], desk)
+    else:
+        root = front_at(f, f.t.sequence[end - 1])
+        for i in range(begin, end):
+            forward(f, f.t.sequence[i], root.first + root.k, desk)
+        for i in range(root.u):
+            root.passed[i] = desk.z[root.rows[i]]
+            desk.z[root.rows[i]] = 0.0
+
+
+def stops(watch, desk, operations):
+    """Tell whether to stop: the first thread looks at the clock."""
+    return is_over(watch, operations) if desk.number == 0 else watch.over
 
 
 # ---- one front
 
 
-def factor_front(f, s, watch):
+def factor_front(f, s, watch, desk):
     """Assemble and eliminate a supernode; False if a pivot is 0, or it is time."""
     t, v = address(f.t), front_at(f, s)
-    if is_over(watch, v.k * v.f * v.f):
+    if stops(watch, desk, v.k * v.f * v.f):
         return False
     begin, end = t.lower[v.first], t.lower[v.first + v.k]
     for side in range(f.sides):
@@ -208,10 +340,10 @@ def factor_front(f, s, watch):
         for e in range(begin, end):
             L[t.target[e]] = f.data[source[e]]
         assemble(f, s, side)
-    if not eliminate(f, v, watch):
+    if not eliminate(f, v, watch, desk):
         return False
     for side in range(f.sides):
-        complement(f, s, side, watch)
+        complement(f, s, side, watch, desk)
     return True
 
 
@@ -236,16 +368,16 @@ def assemble(f, s, side):
         c = f.t.sibling[c]
 
 
-def eliminate(f, v, watch):
+def eliminate(f, v, watch, desk):
     """Overwrite the panels by those of L and U', set D; False if a pivot is 0."""
-    D, w, scaled = f.D + v.first, f.t.w, f.t.scaled
+    D, w = f.D + v.first, desk.w
     start: Py_ssize_t = 0
     while start < v.k:
         stop = min(start + BLOCK, v.k)
         width = stop - start
         is_small: cython.bint = (v.f - stop) * width * width <= SMALL or width <= 4
         end = v.f if is_small else stop
-        if is_over(watch, (v.f - start) * width * (v.k - start)):
+        if stops(watch, desk, (v.f - start) * width * (v.k - start)):
             return False
         for j in range(start, stop):
             for side in range(f.sides):
@@ -272,9 +404,9 @@ def eliminate(f, v, watch):
         for side in range(f.sides):
             if stop < v.k:
                 L, U = v.panels[side] + stop, v.panels[f.sides - 1 - side] + stop
-                scale(L + to, v.f, D + start, m, width, scaled)
+                scale(L + to, v.f, D + start, m, width, desk.scaled)
                 subtract_product(
-                    m, v.k - stop, width, scaled, U + to, v.f, 1.0,
+                    m, v.k - stop, width, desk.scaled, U + to, v.f, 1.0,
                     L + stop * v.f, v.f,
                 )  # fmt: skip
         start = stop
@@ -294,7 +426,7 @@ def solve_below(m, n, U, D, L, ld):
             L[i + p * cast(Py_ssize_t, ld)] *= inverse
 
 
-def complement(f, s, side, watch):
+def complement(f, s, side, watch, desk):
     """Subtract L D U of the rows below from the update, a lower triangle."""
     v = front_at(f, s)
     L, U = v.panels[side] + v.k, v.panels[f.sides - 1 - side] + v.k
@@ -302,11 +434,11 @@ def complement(f, s, side, watch):
     start: Py_ssize_t = 0
     while start < v.k:
         depth = min(DEPTH, v.k - start)
-        if is_over(watch, depth * v.u * v.u):
+        if stops(watch, desk, depth * v.u * v.u):
             return
-        scale(L, v.f, f.D + v.first + start, v.u, depth, f.t.scaled)
+        scale(L, v.f, f.D + v.first + start, v.u, depth, desk.scaled)
         subtract_product(
-            v.u, v.u, depth, f.t.scaled, U, v.f, beta,
+            v.u, v.u, depth, desk.scaled, U, v.f, beta,
             v.update + side * v.u * v.u, v.u,
         )  # fmt: skip
         start, L, U, beta = start + DEPTH, L + DEPTH * v.f, U + DEPTH * v.f, 1.0
@@ -315,13 +447,12 @@ def complement(f, s, side, watch):
 # ---- solution
 
 
-def forward(f, s):
-    """Solve with the columns of L of a supernode."""
+def forward(f, s, end, desk):
+    """Solve with the columns of L of a supernode, in desk.z for rows from `end` on."""
     v, x = front_at(f, s), f.t.x
-    own, P, y = x + v.first, v.panels[0], f.t.w
+    own, P, y = x + v.first, v.panels[0], desk.w
     if v.k == 1:
-        for i in range(v.u):
-            x[v.rows[i]] -= P[i + 1] * own[0]
+        subtract_below(v.rows, v.u, P + 1, own[0], x, desk.z, end)
         return
     copy(own, y, v.k)
     fill(y + v.k, 0.0, v.u)
@@ -334,14 +465,24 @@ def forward(f, s):
         subtract(y + stop, P + stop + j * v.f, v.f, y + j, stop - j, v.f - stop)
         j = stop
     copy(y, own, v.k)
-    for i in range(v.u):
-        x[v.rows[i]] += y[v.k + i]
+    subtract_below(v.rows, v.u, y + v.k, -1.0, x, desk.z, end)
 
 
-def backward(f, s):
+def subtract_below(rows, u, column, factor, x, z, end):
+    """Subtract a multiple of a column from u rows of x, from `end` on of z."""
+    inside = u
+    while inside > 0 and rows[inside - 1] >= end:
+        inside -= 1
+    for i in range(inside):
+        x[rows[i]] -= column[i] * factor
+    for i in range(inside, u):
+        z[rows[i]] -= column[i] * factor
+
+
+def backward(f, s, desk):
     """Solve with the rows of U of a supernode."""
     v, x = front_at(f, s), f.t.x
-    own, P, y = x + v.first, v.panels[f.sides - 1], f.t.w
+    own, P, y = x + v.first, v.panels[f.sides - 1], desk.w
     sums = cython.declare(cython.double[4])
     if v.k == 1:
         for i in range(v.u):

@@ -4,7 +4,8 @@ The threads of OpenBLAS wait for each other in every small factorisation: if ano
 process occupies the core of one, all wait, and a solve takes many times as long. On an
 idle machine with two cores a second thread saves 5 to 15 % of the time of dense QPs
 with 600 to 1800 variables and rows, and nothing for smaller ones or dense LCPs. So a
-solve runs on one thread, a dense QP of that size on more where they are asked for.
+solve runs on one thread, a dense QP of that size on more where they are asked for. In a
+large sparse one the `fronts` then have these threads, each with a BLAS of one.
 
 The setting belongs to the process. Of solves that run at once in several threads of
 Python, the last to end restores the setting that the first one found.
@@ -76,31 +77,40 @@ def extension_modules() -> Iterator[str]:
             yield from map(str, folder.glob("*openblas*"))
 
 
-class State:
-    """What all blocks ask of BLAS.
+class State(threading.local):
+    """How many threads the solve of this thread may use; what all blocks ask of BLAS.
 
     `asked` has that of the blocks that run, `before` what the first one found.
     """
 
+    threads = 1
     lock = threading.Lock()
     asked: ClassVar[list[int]] = []
     before: ClassVar[list[int]] = []
 
 
+STATE = State()
+
+
 @contextlib.contextmanager
-def limited(threads: int) -> Iterator[None]:
-    """Let BLAS use so many threads; of blocks that run at once, the most asked for."""
+def limited(threads: int, blas: int) -> Iterator[None]:
+    """Be a block of a solve with so many threads, of which BLAS may use its own number.
+
+    Of blocks that run at once, the one that asks most of BLAS counts.
+    """
+    outer, STATE.threads = STATE.threads, threads
     with State.lock:
         if not State.asked:
             State.before[:] = [get() for _, get in settings()]
-        State.asked.append(threads)
+        State.asked.append(blas)
         put_threads()
     try:
         yield
     finally:
+        STATE.threads = outer
         with State.lock:
-            if threads in State.asked:  # not so in a child of fork
-                State.asked.remove(threads)
+            if blas in State.asked:  # not so in a child of fork
+                State.asked.remove(blas)
                 put_threads()
 
 
@@ -130,8 +140,9 @@ def blas_threads(
     """Let BLAS use `threads` threads in a `with` block, one where more do not pay.
 
     `order`: of the largest matrix that may be dense; up to UNTOUCHED_ORDER nothing is
-    set. More pay only where it is `dense`.
+    set. Unless it is `dense`, BLAS has one, and the others are left: `STATE.threads`.
     """
     if order <= UNTOUCHED_ORDER or not settings():
         return contextlib.nullcontext()
-    return limited(threads if dense and order >= WORTH_ORDER else 1)
+    blas = threads if dense and order >= WORTH_ORDER else 1
+    return limited(threads // blas, blas)
