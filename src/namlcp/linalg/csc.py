@@ -71,24 +71,21 @@ def submatrix(M, rows, columns):
     number: cython.int[::1] = constant(M.shape[0], -1, np.int32)
     for k in range(cython.cast(Py_ssize_t, rows.size)):
         number[row[k]] = k
-    starts = np.zeros(count + 1, np.int32)
+    starts, most = np.zeros(count + 1, np.int32), M.data.size
+    indices, entries = np.empty(most, np.int32), np.empty(most)
     start: cython.int[::1] = starts
-    nnz: cython.int = 0
-    for k in range(count):
-        for t in range(C.indptr[column[k]], C.indptr[column[k] + 1]):
-            nnz += number[C.indices[t]] >= 0
-        start[k + 1] = nnz
-    indices, entries = np.empty(nnz, np.int32), np.empty(nnz)
     place: cython.int[::1] = indices
     value: cython.double[::1] = entries
-    nnz = 0
+    nnz: cython.int = 0
     for k in range(count):
         for t in range(C.indptr[column[k]], C.indptr[column[k] + 1]):
             i = number[C.indices[t]]
             if i >= 0:
                 place[nnz], value[nnz] = i, C.data[t]
                 nnz += 1
-    return from_arrays((starts, indices, entries), (rows.size, columns.size))
+        start[k + 1] = nnz
+    parts = starts, indices[:nnz], entries[:nnz]
+    return from_arrays(parts, (rows.size, columns.size))
 
 
 def by_rows(M):
