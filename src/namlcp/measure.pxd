@@ -41,7 +41,7 @@ cdef double ratio(double residual, double tolerance) noexcept
 cpdef double signed_gap(object qp, object point, object Px) except? -1
 cpdef (double, double, double) rounding_errors(double P, double G, double A, double x, double y, double z) noexcept nogil
 cpdef tuple on_bounds(const double[::1] x, const double[::1] z_box, const double[::1] lb, const double[::1] ub, bint moves)
-cpdef double natural_squares(object z, object w, object lower, object upper, double unit) except? -1
+cpdef double natural_squares(object z, object w, object lower, object upper) except? -1
 cpdef tuple natural_residuals(object z, object w, object lower, object upper, object d)
 cdef (double, double) both_residuals(const double* z, const double* w, const double* lower, const double* upper, const double* d, Py_ssize_t n) noexcept nogil
 cpdef bint are_met(double eps_abs, double eps_rel, double size, double plain, double scaled) noexcept nogil

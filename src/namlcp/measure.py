@@ -250,13 +250,13 @@ def on_bounds(x, z_box, lb, ub, moves):
 # ---- box LCPs
 
 
-def natural_squares(z, w, lower, upper, unit):
-    """Return the sum of squares of (z - clip(z - w, lower, upper)) / unit."""
+def natural_squares(z, w, lower, upper):
+    """Return the sum of squares of z - clip(z - w, lower, upper)."""
     n: cython.Py_ssize_t = z.size
     a, b = numbers(z, n), numbers(w, n)
     l, u = numbers(lower, n), numbers(upper, n)
     with cython.nogil:
-        total = box_squares(a, b, l, u, unit, n)
+        total = box_squares(a, b, l, u, cython.NULL, cython.NULL, n)
     return total
 
 

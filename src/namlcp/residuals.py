@@ -78,14 +78,14 @@ def natural_residual(
         shapes = z.shape, w.shape, lower.shape, upper.shape
         raise ValueError(f"z, w, lower and upper must have one shape, got {shapes}")
     z, w, lower, upper = (np.ascontiguousarray(v, float) for v in (z, w, lower, upper))
-    total = natural_squares(z, w, lower, upper, 1.0)
+    total = natural_squares(z, w, lower, upper)
     if 1e-200 < total < 1e200:
         return math.sqrt(total)
     r = np.maximum(np.minimum(w, z - lower), z - upper)  # its squares left the range
     size = float(np.abs(r).max()) if r.size else 0.0
     if not 0.0 < size < math.inf:
         return size
-    return size * math.sqrt(natural_squares(z, w, lower, upper, size))
+    return size * float(np.linalg.norm(r / size))
 
 
 def qp_residuals(

@@ -102,13 +102,6 @@ def add_four(fa, a, fb, b, fc, c, fd, d, out, n):
         add_scaled(factor, one, out, n)
 
 
-def subtract_four(lower, u, stride, count):
-    for k in range(count):
-        for j in range(4):
-            row = u + j * stride
-            add_scaled(-row[k], row, lower + k * stride, k + 1)
-
-
 def copy(a, out, n):
     out.part(n)[:] = a.part(n).copy()
 
@@ -129,18 +122,6 @@ def add_line(total, values, places, count, x, scale, out):
     for t in range(count):
         out[places[t]] += values[t] * scale
     return times_line(total, values, places, count, x)
-
-
-def rows_of(C, count, n):
-    return C.part(count * n).reshape(count, n)
-
-
-def blas_times(C, count, n, x, out):
-    out.part(count)[:] = rows_of(C, count, n) @ x.part(n)
-
-
-def blas_times_transposed(C, count, n, x, out):
-    out.part(n)[:] = rows_of(C, count, n).T @ x.part(count)
 
 
 def reals(m, count):
@@ -165,7 +146,7 @@ GIVEN = {
     ),
     "namlcp.linalg.vectors": SimpleNamespace(
         dot=dot, four_dots=four_dots, add_scaled=add_scaled, add_four=add_four,
-        subtract_four=subtract_four, copy=copy, fill=fill, hash_of=None,
+        copy=copy, fill=fill, hash_of=None,
         largest_entry=largest_entry, box_squares=None, times_line=times_line,
         add_line=add_line,
     ),
@@ -176,9 +157,8 @@ GIVEN = {
     ),
     "namlcp.linalg.sparse_ldl": SimpleNamespace(Factors=None, as_array=None),
     "namlcp.linalg.blas": SimpleNamespace(
-        blas_dot=dot, blas_times=blas_times, cholesky=None, invert_lower=None,
+        blas_dot=dot, blas_times=None, cholesky=None, invert_lower=None,
         times_lower=None, gram=None,
-        blas_times_transposed=blas_times_transposed,
     ),
 }  # fmt: skip
 INSTEAD = {"namlcp.qp.active.engine": {"reals": reals, "indices": indices}}

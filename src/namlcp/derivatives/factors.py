@@ -14,7 +14,8 @@ from scipy.linalg.lapack import dgecon, dgetrf, dgetrs
 from scipy.sparse import csc_array
 from scipy.sparse.linalg import lsmr, splu
 
-from namlcp.linalg import Compressed, add_column_sums, add_columns
+from namlcp.entries import from_arrays
+from namlcp.linalg import add_transposed, times
 from namlcp.qp import KKT, equilibrate
 
 SINGULAR = 1e-13
@@ -146,10 +147,14 @@ class KKTFactors:
     def __init__(self, kkt: KKT) -> None:
         self.kkt = kkt
         self.scale = np.ones(kkt.size)
-        self.values, self.upper = kkt.base.copy(), np.empty(kkt.base.size)
+        self.values = kkt.base.copy()
         equilibrate(kkt.indptr, kkt.indices, self.values, self.scale)
-        self.upper[:] = self.values
-        self.upper[kkt.diagonal] = 0.0
+        upper = self.values.copy()
+        upper[kkt.diagonal] = 0.0
+        self.triangle, self.upper = (
+            from_arrays((kkt.indptr, kkt.indices, data), (kkt.size, kkt.size))
+            for data in (self.values, upper)
+        )
         if not any(self.factor(shift) for shift in SHIFTS):
             raise ValueError("the KKT matrix of the active constraints has no factors")
         self.basis = self.find_null_space()
@@ -186,9 +191,8 @@ class KKTFactors:
         return V
 
     def product(self, w: np.ndarray) -> np.ndarray:
-        Kw, kkt = np.zeros(w.size), self.kkt
-        add_columns(Compressed(kkt.indptr, kkt.indices, self.values), w, Kw)
-        add_column_sums(Compressed(kkt.indptr, kkt.indices, self.upper), w, Kw)
+        Kw = times(self.triangle, w)
+        add_transposed(self.upper, w, Kw)
         return Kw
 
     def solve(self, r: np.ndarray, transposed: bool = False) -> np.ndarray:

@@ -17,12 +17,7 @@ from cython.cimports.libc.math import INFINITY, fabs, sqrt
 from cython.cimports.namlcp.box import clip
 from cython.cimports.namlcp.lcp.loops import ABOVE, BELOW, DIAGONAL, INVERSE, ROOT
 from cython.cimports.namlcp.linalg.arrays import numbers, signs
-from cython.cimports.namlcp.linalg.vectors import (
-    box_squares,
-    copy,
-    fill,
-    scaled_squares,
-)
+from cython.cimports.namlcp.linalg.vectors import box_squares, copy, fill
 
 from namlcp.status import Status
 
@@ -111,8 +106,9 @@ def clip_into_box(m, z, w):
 
 def set_residuals(m, z, w):
     """Set Res(z), of this problem and of the one with a unit diagonal."""
-    m.plain = sqrt(box_squares(z, w, m.lower, m.upper, 1.0, m.n))
-    m.scaled = sqrt(scaled_squares(z, w, m.lower, m.upper, m.diagonal, m.root, m.n))
+    null, lower, upper = cython.NULL, m.lower, m.upper
+    m.plain = sqrt(box_squares(z, w, lower, upper, null, null, m.n))
+    m.scaled = sqrt(box_squares(z, w, lower, upper, m.diagonal, m.root, m.n))
 
 
 def begin(m):

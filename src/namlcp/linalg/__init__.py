@@ -6,9 +6,6 @@ indices, data; where a dense form goes with them it stands first.
 
 from namlcp.linalg.columns import LEAST_DIVISOR
 from namlcp.linalg.csc import (
-    Compressed,
-    add_column_sums,
-    add_columns,
     add_transposed,
     arrays_of,
     as_dense,

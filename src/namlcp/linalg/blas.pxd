@@ -1,5 +1,4 @@
-cdef void blas_times(const double* C, int rows, int columns, const double* x, double* out) noexcept nogil
-cdef void blas_times_transposed(const double* C, int rows, int columns, const double* x, double* out) noexcept nogil
+cdef void blas_times(const double* C, int rows, int columns, const double* x, double* out, char letter) noexcept nogil
 cdef double blas_dot(const double* a, const double* b, int n) noexcept nogil
 cdef void times_lower(double* X, int count, int width, const double* V, int n, char letter) noexcept nogil
 cdef bint cholesky(double* A, int n) noexcept nogil
@@ -10,4 +9,3 @@ cdef void solve_rows(const double* L, int n, double* X, int count) noexcept nogi
 cdef void invert_lower(double* L, int n) noexcept nogil
 cdef void gram(const double* X, int rows, int n, int width_X, double* W, int width_W) noexcept nogil
 cdef void add_squares(const double* C, int rows, int n, double* S) noexcept nogil
-cdef void _multiply_vector(char letter, const double* C, int rows, int columns, const double* x, double* out, int size) noexcept nogil

@@ -23,27 +23,18 @@ from cython.cimports.scipy.linalg.cython_lapack import (
 )
 
 
-def _multiply_vector(letter, C, rows, columns, x, out, size):
+def blas_times(C, rows, columns, x, out, letter):
+    """Set out = C x ("T", as BLAS sees C') or C'x ("N")."""
     step: cython.int = 1
     one: cython.double = 1.0
     zero: cython.double = 0.0
-    fill(out, 0.0, size)
+    fill(out, 0.0, rows if letter == b"T" else columns)
     if rows > 0 and columns > 0:
         dgemv(
             address(letter), address(columns), address(rows), address(one),
             cast(p_double, C), address(columns), cast(p_double, x), address(step),
             address(zero), out, address(step),
         )  # fmt: skip
-
-
-def blas_times(C, rows, columns, x, out):
-    """Set out = C x."""
-    _multiply_vector(b"T", C, rows, columns, x, out, rows)
-
-
-def blas_times_transposed(C, rows, columns, x, out):
-    """Set out = C'x."""
-    _multiply_vector(b"N", C, rows, columns, x, out, columns)
 
 
 def blas_dot(a, b, n):

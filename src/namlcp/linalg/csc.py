@@ -71,24 +71,21 @@ def submatrix(M, rows, columns):
     number: cython.int[::1] = constant(M.shape[0], -1, np.int32)
     for k in range(cython.cast(Py_ssize_t, rows.size)):
         number[row[k]] = k
-    starts = np.zeros(count + 1, np.int32)
+    starts, most = np.zeros(count + 1, np.int32), M.data.size
+    indices, entries = np.empty(most, np.int32), np.empty(most)
     start: cython.int[::1] = starts
-    nnz: cython.int = 0
-    for k in range(count):
-        for t in range(C.indptr[column[k]], C.indptr[column[k] + 1]):
-            nnz += number[C.indices[t]] >= 0
-        start[k + 1] = nnz
-    indices, entries = np.empty(nnz, np.int32), np.empty(nnz)
     place: cython.int[::1] = indices
     value: cython.double[::1] = entries
-    nnz = 0
+    nnz: cython.int = 0
     for k in range(count):
         for t in range(C.indptr[column[k]], C.indptr[column[k] + 1]):
             i = number[C.indices[t]]
             if i >= 0:
                 place[nnz], value[nnz] = i, C.data[t]
                 nnz += 1
-    return from_arrays((starts, indices, entries), (rows.size, columns.size))
+        start[k + 1] = nnz
+    parts = starts, indices[:nnz], entries[:nnz]
+    return from_arrays(parts, (rows.size, columns.size))
 
 
 def by_rows(M):
@@ -130,24 +127,31 @@ def with_squares(P, B, weight, deadline=NEVER):
 
 def times(M, x):
     """Return M x. Raises ValueError where the sizes disagree."""
-    if x.shape != (M.shape[1],):
-        raise ValueError(f"x must have shape ({M.shape[1]},), got {x.shape}")
+    rows, n = M.shape
+    if x.shape != (n,):
+        raise ValueError(f"x must have shape ({n},), got {x.shape}")
     if not is_clean_csc(M):
-        return (M @ x).reshape(M.shape[0])  # a coo_array of one row gives a scalar
-    out = np.zeros(M.shape[0])
-    add_columns(arrays_of(M), np.ascontiguousarray(x, float), out)
+        return (M @ x).reshape(rows)  # a coo_array of one row gives a scalar
+    C: Columns
+    x, out = np.ascontiguousarray(x, float), np.zeros(rows)
+    take_columns(M, n, cython.address(C))
+    columns_times(cython.address(C), n, numbers(x, n), numbers(out, rows))
     return out
 
 
 def add_transposed(M, z, out):
     """Add M'z to `out`. Raises ValueError where the sizes disagree."""
-    if z.shape != (M.shape[0],) or out.shape != (M.shape[1],):
-        raise ValueError(f"z must have shape ({M.shape[0]},), got {z.shape}")
+    rows, n = M.shape
+    if z.shape != (rows,) or out.shape != (n,):
+        raise ValueError(f"z must have shape ({rows},), got {z.shape}")
     if not is_clean_csc(M):
         out += z @ M
-    elif z.size:
+    elif rows:
+        C: Columns
         z = np.ascontiguousarray(z, float)
-        add_column_sums(arrays_of(M), z, out)
+        take_columns(M, n, cython.address(C))
+        z_at, out_at = numbers(z, rows), numbers(out, n)
+        columns_times_transposed(cython.address(C), n, z_at, out_at)
 
 
 def is_clean_csc(M):
@@ -200,23 +204,6 @@ def write_squares(parts, weight, indptr, indices, data):
             data[t] = sums[indices[t]]
         indptr[j + 1] = nnz
     return nnz
-
-
-def add_columns(arrays, x, out):
-    """Add M x to `out`; `arrays` are those of M, a `Compressed`."""
-    M: Columns
-    n: Py_ssize_t = x.size
-    take_columns(arrays, n, cython.address(M))
-    columns_times(cython.address(M), n, numbers(x, n), numbers(out, out.size))
-
-
-def add_column_sums(arrays, z, out):
-    """Add M'z to `out`; `arrays` are those of M, a `Compressed`."""
-    M: Columns
-    n: Py_ssize_t = out.size
-    take_columns(arrays, n, cython.address(M))
-    z_at, out_at = numbers(z, z.size), numbers(out, n)
-    columns_times_transposed(cython.address(M), n, z_at, out_at)
 
 
 def unit_triangle(indptr, indices, data, zero, least, slack):

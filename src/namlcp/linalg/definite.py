@@ -10,7 +10,6 @@ from namlcp.entries import dense_asymmetry, sparse_asymmetry
 from namlcp.limits import NEVER, PASS, Deadline
 from namlcp.linalg.csc import as_dense
 from namlcp.linalg.factors import plan_factors
-from namlcp.linalg.sparse_ldl import Factors
 
 PSD_SLACK = 1e-6
 """Negative curvature of a matrix with unit diagonal that may be due to the rounding of
@@ -38,12 +37,18 @@ def is_symmetric(A: Any) -> bool:
     return gap <= SYMMETRY_ROUNDING * size
 
 
-def positive_factors(triangle: csc_array, deadline: Deadline = NEVER) -> Factors | None:
-    """Return L D L' of the matrix with this upper triangle, None unless D > 0.
+def has_positive_pivots(triangle: csc_array, deadline: Deadline = NEVER) -> bool:
+    """Tell whether the matrix with this upper triangle has an L D L' with D > 0.
 
     All diagonal entries are stored, as the last of their columns. OutOfTime if the
     deadline is reached before.
     """
+    n = triangle.shape[0]
+    is_full = n <= FULL_ORDER and 2 * triangle.nnz >= FULL * n * n
+    if n <= DENSE_ORDER or is_full:
+        deadline.check(PASS * n * n)  # about as long as it takes, without the clock
+        lower = as_dense(triangle).T  # in the order of columns, as LAPACK has it
+        return bool(dpotrf(lower, lower=1, clean=0, overwrite_a=1)[1] == 0)
     indptr, indices = (
         np.ascontiguousarray(v, np.int32) for v in (triangle.indptr, triangle.indices)
     )
@@ -51,16 +56,5 @@ def positive_factors(triangle: csc_array, deadline: Deadline = NEVER) -> Factors
     try:
         factors.refactor(triangle.data, deadline)
     except ValueError:  # a pivot is 0
-        return None
-    return factors if (factors.pivots > 0.0).all() else None
-
-
-def has_positive_pivots(triangle: csc_array, deadline: Deadline = NEVER) -> bool:
-    """Tell whether `positive_factors` are some; small and full ones in dense form."""
-    n = triangle.shape[0]
-    is_full = n <= FULL_ORDER and 2 * triangle.nnz >= FULL * n * n
-    if n <= DENSE_ORDER or is_full:
-        deadline.check(PASS * n * n)  # about as long as it takes, without the clock
-        lower = as_dense(triangle).T  # in the order of columns, as LAPACK has it
-        return bool(dpotrf(lower, lower=1, clean=0, overwrite_a=1)[1] == 0)
-    return positive_factors(triangle, deadline) is not None
+        return False
+    return bool((factors.pivots > 0.0).all())

@@ -15,7 +15,6 @@ from cython.cimports.namlcp.linalg.vectors import (
     dot,
     fill,
     four_dots,
-    subtract_four,
 )
 
 # The diagonal entry of L for a row that depends on those before it.
@@ -49,8 +48,13 @@ def factor_in_place(L, n, least):
                 row[i] = HUGE
             for k in range(i + 1, n):
                 L[k * n + i] = row[k]
-        if end < n:
-            subtract_four(L + end * n + end, L + first * n + end, n, n - end)
+        for i in range(end, n):
+            row = L + first * n
+            add_four(
+                -row[i], row + end, -row[n + i], row + n + end,
+                -row[2 * n + i], row + 2 * n + end, -row[3 * n + i], row + 3 * n + end,
+                L + i * n + end, i - end + 1,
+            )  # fmt: skip
     return dependent
 
 

@@ -32,8 +32,7 @@ cdef struct Quotient:
 cdef bint order_by_degree(const int* indptr, const int* indices, Py_ssize_t size, int* kind, int* place, Watched watch) noexcept nogil
 cdef void mark_hubs(Quotient* g, const int* indptr, const int* indices) noexcept nogil
 cdef bint eliminate_all(Quotient* g, const int* indptr, const int* indices, Watched watch) noexcept nogil
-cdef Py_ssize_t count_neighbours(Quotient* g, const int* indptr, const int* indices) noexcept nogil
-cdef void write_neighbours(Quotient* g, const int* indptr, const int* indices) noexcept nogil
+cdef Py_ssize_t write_graph(Quotient* g, const int* indptr, const int* indices) noexcept nogil
 cdef Py_ssize_t listed_degree(Quotient* g, Py_ssize_t i) noexcept nogil
 cdef void insert(Quotient* g, Py_ssize_t i, Py_ssize_t d) noexcept nogil
 cdef void remove(Quotient* g, Py_ssize_t i, Py_ssize_t d) noexcept nogil

@@ -106,12 +106,9 @@ def mark_hubs(g, indptr, indices):
 
 def eliminate_all(g, indptr, indices, watch):
     """Set the places of the variables, from 0 on; False if that does not succeed."""
-    left = count_neighbours(g, indptr, indices)
-    g.room = 2 * g.end + left
-    g.adjacent = cython.cast(cython.p_int, malloc(4 * (g.room + 1)))
-    if g.adjacent == cython.NULL:
+    left = write_graph(g, indptr, indices)
+    if left < 0:
         return False
-    write_neighbours(g, indptr, indices)
     least: Py_ssize_t = 0  # no list of a smaller degree has members
     widest: Py_ssize_t = 0
     i: Py_ssize_t
@@ -141,14 +138,14 @@ def eliminate_all(g, indptr, indices, watch):
     return True
 
 
-def count_neighbours(g, indptr, indices):
-    """Set the graph but for its entries; return the number of variables."""
-    kind, degree, hubs = g.kind, g.degree, g.hubs
+def write_graph(g, indptr, indices):
+    """Set the graph of the variables; return their number, -1 without memory."""
+    start, length, kind = g.start, g.length, g.kind
     variables: Py_ssize_t = 0
+    g.end = 0
     for i in range(g.size):
-        hubs[i] = degree[i]  # all neighbours, for now
-        degree[i] = 0
-        g.length[i] = 0
+        start[i] = g.end
+        length[i] = 0
         g.elements[i] = 0
         g.weight[i] = 1
         g.mark[i] = 1
@@ -156,27 +153,14 @@ def count_neighbours(g, indptr, indices):
         g.bucket[i] = NONE
         g.following[i] = NONE
         g.last[i] = i
-        variables += kind[i] == VARIABLE
-    for j in range(g.size):
-        for t in range(indptr[j], indptr[j + 1]):
-            i = indices[t]
-            if i < j and kind[i] == VARIABLE and kind[j] == VARIABLE:
-                degree[i] += 1
-                degree[j] += 1
-    g.end = 0
-    for i in range(g.size):
-        hubs[i] -= degree[i]
-        g.start[i] = g.end
-        g.end += degree[i]
         if kind[i] == VARIABLE:
-            insert(g, i, listed_degree(g, i))
-    return variables
-
-
-def write_neighbours(g, indptr, indices):
-    """Write the neighbours of all variables, and set the lengths of their lists."""
-    start, length, kind = g.start, g.length, g.kind
+            variables += 1
+            g.end += g.degree[i]  # and hubs, which leave gaps
+    g.room = 2 * g.end + variables
+    g.adjacent = cython.cast(cython.p_int, malloc(4 * (g.room + 1)))
     adjacent = g.adjacent
+    if adjacent == cython.NULL:
+        return -1
     for j in range(g.size):
         for t in range(indptr[j], indptr[j + 1]):
             i = indices[t]
@@ -185,6 +169,12 @@ def write_neighbours(g, indptr, indices):
                 length[i] += 1
                 adjacent[start[j] + length[j]] = i
                 length[j] += 1
+    for i in range(g.size):
+        g.hubs[i] = g.degree[i] - length[i]
+        g.degree[i] = length[i]
+        if kind[i] == VARIABLE:
+            insert(g, i, listed_degree(g, i))
+    return variables
 
 
 def listed_degree(g, i):

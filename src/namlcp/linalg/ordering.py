@@ -14,6 +14,7 @@ from typing import NamedTuple
 import cython
 import numpy as np
 from cython import Py_ssize_t
+from cython.cimports.namlcp.linalg.arrays import indices as longs
 from cython.cimports.namlcp.linalg.arrays import places
 from scipy.sparse import csc_matrix
 
@@ -243,7 +244,14 @@ def supernodes(indptr, indices, order):
     node = np.repeat(np.arange(k.size, dtype=np.int32), k)
     above = order.parent[last]
     parent = np.where(above < 0, -1, node[above]).astype(np.int32)
-    rows = row_patterns(columns, upper, starts, parent, node)
+    rows, own = np.empty(starts[-1], np.int32), np.arange(size)
+    rows[own + np.repeat(starts[:-1] - first[:-1], k)] = own
+    ends, seen = (starts[:-1] + k).astype(np.intp), np.empty(size, np.int32)
+    append_rows(
+        size, places(columns, size + 1), places(upper, upper.size),
+        places(parent, k.size), places(node, size), places(seen, size),
+        longs(ends, k.size), places(rows, rows.size),
+    )  # fmt: skip
     return Supernodes(first, parent, starts, rows, panels, lower, below, source)
 
 
@@ -298,22 +306,16 @@ def are_twins(i, j, parent, lower, below):
     return True
 
 
-def row_patterns(indptr, indices, starts, parent, node):
-    """Return the rows of all supernodes: k is in those on the tree paths to k's own.
+def append_rows(n, indptr, indices, parent, node, seen, end, rows):
+    """Append to the rows of each supernode s, from end[s] on, those below it.
 
-    The paths start at the supernodes of the entries of A in row k; end[s] is where the
-    rows of s end so far.
+    Row k is below the supernodes on the tree paths from those of its entries, which are
+    column k of the upper triangle, to its own. `seen` is work space.
     """
-    count = parent.shape[0]
-    patterns = np.empty(starts[count], np.int32)
-    rows: cython.int[::1] = patterns
-    end: cython.longlong[::1] = np.array(starts[:count], np.longlong)
-    seen: cython.int[::1] = constant(count, -1, np.int32)
-    for k in range(node.shape[0]):
-        own = node[k]
-        rows[end[own]] = k
-        end[own] += 1
-        seen[own] = k
+    for k in range(n):
+        seen[k] = -1
+    for k in range(n):
+        seen[node[k]] = k
         for t in range(indptr[k], indptr[k + 1]):
             s = node[indices[t]]
             while seen[s] != k:
@@ -321,4 +323,3 @@ def row_patterns(indptr, indices, starts, parent, node):
                 rows[end[s]] = k
                 end[s] += 1
                 s = parent[s]
-    return patterns

@@ -36,8 +36,8 @@ cdef class SparseFactors(Factors):
         int *chunks, *width
         double *values, *inverse
         # The column with which the dense block that L ends with begins, n without one; a
-        # single column i before it is applied row by row to the first reach[i] rows below
-        # it, those before the block.
+        # column i is applied row by row to the first reach[i] rows below it: a single one
+        # before the block to those before the block.
         Py_ssize_t first
         int *reach
         # Work space: done[i] counts the rows that are complete below the chunk that
@@ -51,11 +51,9 @@ cdef class SparseFactors(Factors):
 
 cdef object as_array(double* values, Py_ssize_t size)
 cdef void lay_out(SparseFactors f, const int* indptr, const int* parent, const int* counts) noexcept nogil
-cdef void lay_out_lines(SparseFactors f) noexcept nogil
 cdef Py_ssize_t first_dense(SparseFactors f) noexcept nogil
 cdef void subtract_products(SparseFactors f) noexcept nogil
-cdef double apply_one(SparseFactors f, Py_ssize_t i) noexcept nogil
-cdef double apply_part(SparseFactors f, Py_ssize_t i, Py_ssize_t k) noexcept nogil
+cdef inline double apply_one(SparseFactors f, Py_ssize_t i, Py_ssize_t rows) noexcept nogil
 cdef double apply_four(SparseFactors f, Py_ssize_t i) noexcept nogil
 cdef void solve_forward(SparseFactors f) noexcept nogil
 cdef void solve_backward(SparseFactors f) noexcept nogil

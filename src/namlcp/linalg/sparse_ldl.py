@@ -38,6 +38,7 @@ from cython.cimports.namlcp.linalg.arrays import (
     places,
 )
 from cython.cimports.namlcp.linalg.arrays import indices as longs_at
+from cython.cimports.namlcp.linalg.ordering import append_rows
 from cython.cimports.namlcp.linalg.vectors import subtract_sum
 from cython.cimports.namlcp.watch import Watched, is_over, raise_kept
 
@@ -132,7 +133,6 @@ class SparseFactors(Factors):
         counts = places(order.counts, n)
         with cython.nogil:
             lay_out(self, ends, parent, counts)
-            lay_out_lines(self)
 
     @property
     def pivots(self):
@@ -166,11 +166,15 @@ class SparseFactors(Factors):
                     if i >= end:
                         break
                     if width[i] == 1:
-                        pivot -= apply_one(self, i)
-                    elif k < i + 4:
-                        pivot -= apply_part(self, i, k)
-                    else:
+                        pivot -= apply_one(self, i, self.done[i])
+                        self.done[i] += 1
+                    elif k >= i + 4:
                         pivot -= apply_four(self, i)
+                    else:  # a row of the chunk itself
+                        total = 0.0
+                        for j in range(i, k):
+                            total += apply_one(self, j, k - j - 1)
+                        pivot -= total
                 if k >= end:
                     inverse[k] = pivot
                     for j in range(end, k):
@@ -203,25 +207,17 @@ class SparseFactors(Factors):
 
 
 def lay_out(f, indptr, parent, counts):
-    """Set the columns of L, and where the diagonal of K is."""
-    n, starts, done, width = f.n, f.starts, f.done, f.width
+    """Set the columns of L, the chunks of its rows, and where the diagonal of K is."""
+    n, starts, below, lines = f.n, f.starts, f.below, f.lines
+    done, width, reach = f.done, f.width, f.reach
     for j in range(n):
         f.diagonal[f.place[j]] = indptr[j + 1] - 1
     starts[0] = 0
     for k in range(n):
         starts[k + 1] = starts[k] + counts[k]
         done[k] = starts[k]
-        width[k] = -1
-    for k in range(n):
-        # Row k of L has entries on the paths from those of K up the tree to k.
-        width[k] = k  # the last row that came by, for now
-        for t in range(f.columns[k], f.columns[k + 1]):
-            i: Py_ssize_t = f.rows[t]
-            while width[i] != k:
-                width[i] = k
-                f.below[done[i]] = k
-                done[i] += 1
-                i = parent[i]
+        reach[k] = k  # here, each column is a supernode
+    append_rows(n, f.columns, f.rows, parent, reach, width, done, below)
     begin: Py_ssize_t = 0
     while begin < n:
         columns = 4  # that are alike
@@ -232,20 +228,18 @@ def lay_out(f, indptr, parent, counts):
         width[begin] = width[begin + columns - 1] = columns
         begin += columns
     f.first = first_dense(f)
-
-
-def lay_out_lines(f):
-    """Set the chunks of every row, and how far each column is applied row by row."""
-    n, starts, below, lines, done = f.n, f.starts, f.below, f.lines, f.done
     for k in range(n):
         done[k] = 0
-    begin: Py_ssize_t = 0
+        reach[k] = n
+    begin = 0
     while begin < n:
-        f.reach[begin] = 0
+        is_cut: cython.bint = width[begin] == 1 and begin < f.first
+        if is_cut:
+            reach[begin] = 0
         for t in range(starts[begin], starts[begin + 1]):
             done[below[t]] += 1
-            f.reach[begin] += begin >= f.first or below[t] < f.first
-        begin += f.width[begin]
+            reach[begin] += is_cut and below[t] < f.first
+        begin += width[begin]
     lines[0] = 0
     for k in range(n):
         lines[k + 1] = lines[k] + done[k]
@@ -256,7 +250,7 @@ def lay_out_lines(f):
             k = below[t]
             f.chunks[done[k]] = begin
             done[k] += 1
-        begin += f.width[begin]
+        begin += width[begin]
 
 
 def first_dense(f):
@@ -290,11 +284,9 @@ def subtract_products(f):
         i += f.width[i]
 
 
-def apply_one(f, i):
-    """Apply column i to y, and append l_ki to it; return l_ki y_i."""
-    y, values, below = f.y, f.values, f.below
-    a, rows = f.starts[i], f.done[i]
-    f.done[i] += 1
+def apply_one(f, i, rows):
+    """Apply column i, of so many rows, to y, and append l_ki to it; return l_ki y_i."""
+    y, values, below, a = f.y, f.values, f.below, f.starts[i]
     y_i = y[i]
     y[i] = 0.0
     for p in range(a, a + min(rows, f.reach[i])):
@@ -302,24 +294,6 @@ def apply_one(f, i):
     l_i = y_i * f.inverse[i]
     values[a + rows] = l_i
     return l_i * y_i
-
-
-def apply_part(f, i, k):
-    """Apply the columns i : k of a chunk to y, for a row k of their own.
-
-    Appends the l_kj to them; returns the sum of l_kj y_j.
-    """
-    y, values, total = f.y, f.values, 0.0
-    for j in range(i, k):
-        column = values + f.starts[j] - j - 1
-        y_j = y[j]
-        for s in range(j + 1, k):
-            y[s] -= column[s] * y_j
-        l_j = y_j * f.inverse[j]
-        column[k] = l_j
-        total += l_j * y_j
-        y[j] = 0.0
-    return total
 
 
 def apply_four(f, i):

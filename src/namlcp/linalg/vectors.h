@@ -4,7 +4,6 @@
    -ffp-contract=off the code for AVX2 and that for any x86-64, between which the loader
    chooses (HOT), give the same bits. */
 #include <stddef.h>
-#include <string.h>
 
 #if defined(__x86_64__) && defined(__linux__) && defined(__GLIBC__) && \
     !defined(__SANITIZE_ADDRESS__) && !defined(NAMLCP_NATIVE) && \
@@ -86,12 +85,6 @@ static inline void add_scaled(double scale, const double *a, double *out, ptrdif
     for (ptrdiff_t i = 0; i < n; i++) out[i] += scale * a[i];
 }
 
-/* out_i = a_i factor b_i */
-HOT void scale_by(double factor, const double *RESTRICT a, const double *RESTRICT b,
-                  double *RESTRICT out, ptrdiff_t n) {
-    for (ptrdiff_t i = 0; i < n; i++) out[i] = a[i] * factor * b[i];
-}
-
 /* out += fa a + fb b + fc c + fd d */
 HOT void add_four(double fa, const double *RESTRICT a, double fb, const double *RESTRICT b,
                   double fc, const double *RESTRICT c, double fd, const double *RESTRICT d,
@@ -109,63 +102,38 @@ HOT void subtract_sum(double fa, const double *RESTRICT a, double fb,
         out[i] -= fa * a[i] + fb * b[i] + fc * c[i] + fd * d[i];
 }
 
-/* Subtract from the rows k > 0 of a lower triangle, up to their diagonals, the sum of
-   four products u_k u, for four rows u of a factor; `stride` lies between two rows. */
-HOT void subtract_four(double *RESTRICT lower, const double *RESTRICT u, ptrdiff_t stride,
-                       ptrdiff_t count) {
-    const double *a = u, *b = u + stride, *c = b + stride, *d = c + stride;
-    for (ptrdiff_t k = 0; k < count; k++) {
-        double *RESTRICT row = lower + k * stride;
-        double fa = a[k], fb = b[k], fc = c[k], fd = d[k];
-        for (ptrdiff_t i = 0; i <= k; i++)
-            row[i] -= (fa * a[i] + fb * b[i]) + (fc * c[i] + fd * d[i]);
-    }
-}
-
 /* max(min(w, below), above), NaN if z is: `deviation`. */
 static inline double between(double w, double below, double above, double z) {
     double r = below < w ? below : w;
     return (above > r ? above : r) + 0.0 * z;
 }
 
-/* The sum of squares of (z - clip(z - w, lower, upper)) / unit. */
-HOT double box_squares(const double *z, const double *w, const double *lower,
-                       const double *upper, double unit, ptrdiff_t n) {
+/* The square of z - clip(z - w, lower, upper) at i; unless d is NULL, of this for w times
+   root, and z and the bounds times root d: before squaring, or z - lower may underflow. */
+static inline double box_square(const double *z, const double *w, const double *lower,
+                                const double *upper, const double *d, const double *root,
+                                ptrdiff_t i) {
+    double x = z[i], b = d ? root[i] : 1.0, a = d ? d[i] * b : 1.0;
+    double r = between(w[i] * b, (x - lower[i]) * a, (x - upper[i]) * a, x);
+    return r * r;
+}
+
+static inline double sum_squares(const double *z, const double *w, const double *lower,
+                                 const double *upper, const double *d, const double *root,
+                                 ptrdiff_t n) {
     double s[4] = {0.0, 0.0, 0.0, 0.0};
     ptrdiff_t i = 0;
     for (; i + 4 <= n; i += 4)
-        for (int l = 0; l < 4; l++) {
-            double x = z[i + l];
-            double r = between(w[i + l], x - lower[i + l], x - upper[i + l], x) / unit;
-            s[l] += r * r;
-        }
-    for (int l = 0; i < n; i++, l++) {
-        double r = between(w[i], z[i] - lower[i], z[i] - upper[i], z[i]) / unit;
-        s[l] += r * r;
-    }
+        for (int l = 0; l < 4; l++) s[l] += box_square(z, w, lower, upper, d, root, i + l);
+    for (int l = 0; i < n; i++, l++) s[l] += box_square(z, w, lower, upper, d, root, i);
     return (s[0] + s[1]) + (s[2] + s[3]);
 }
 
-/* The same for w times root, and z and the bounds times root d: before squaring, or
-   z - lower may underflow. */
-HOT double scaled_squares(const double *z, const double *w, const double *lower,
-                          const double *upper, const double *d, const double *root,
-                          ptrdiff_t n) {
-    double s[4] = {0.0, 0.0, 0.0, 0.0};
-    ptrdiff_t i = 0;
-    for (; i + 4 <= n; i += 4)
-        for (int l = 0; l < 4; l++) {
-            double x = z[i + l], a = d[i + l] * root[i + l];
-            double below = (x - lower[i + l]) * a, above = (x - upper[i + l]) * a;
-            double r = between(w[i + l] * root[i + l], below, above, x);
-            s[l] += r * r;
-        }
-    for (int l = 0; i < n; i++, l++) {
-        double x = z[i], a = d[i] * root[i];
-        double r = between(w[i] * root[i], (x - lower[i]) * a, (x - upper[i]) * a, x);
-        s[l] += r * r;
-    }
-    return (s[0] + s[1]) + (s[2] + s[3]);
+HOT double box_squares(const double *z, const double *w, const double *lower,
+                       const double *upper, const double *d, const double *root,
+                       ptrdiff_t n) {
+    return d ? sum_squares(z, w, lower, upper, d, root, n)
+             : sum_squares(z, w, lower, upper, NULL, NULL, n);
 }
 
 /* A hash of the bits and places of numbers (mod 2^64): the products of the halves of each,
@@ -181,12 +149,4 @@ HOT unsigned long long hash_of(const double *values, ptrdiff_t n, unsigned long 
         key += 0x9E3779B97F4A7C15ull;
     }
     return own + total * 0xC2B2AE3D27D4EB4Full;
-}
-
-/* The bits of a number in single precision. */
-static inline int float_bits(double value) {
-    float single = (float)value;
-    int bits;
-    memcpy(&bits, &single, sizeof bits);
-    return bits;
 }

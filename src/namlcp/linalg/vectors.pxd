@@ -7,9 +7,6 @@ cdef extern from "vectors.h" nogil:
         const double* d, Py_ssize_t n, double* out
     ) noexcept
     void add_scaled(double scale, const double* a, double* out, Py_ssize_t n) noexcept
-    void scale_by(
-        double factor, const double* a, const double* b, double* out, Py_ssize_t n
-    ) noexcept
     void add_four(
         double fa, const double* a, double fb, const double* b,
         double fc, const double* c, double fd, const double* d,
@@ -20,18 +17,10 @@ cdef extern from "vectors.h" nogil:
         double fc, const double* c, double fd, const double* d,
         double* out, Py_ssize_t n
     ) noexcept
-    void subtract_four(
-        double* lower, const double* u, Py_ssize_t stride, Py_ssize_t count
-    ) noexcept
     double box_squares(
-        const double* z, const double* w, const double* lower, const double* upper,
-        double unit, Py_ssize_t n
-    ) noexcept
-    double scaled_squares(
         const double* z, const double* w, const double* lower, const double* upper,
         const double* d, const double* root, Py_ssize_t n
     ) noexcept
-    int float_bits(double value) noexcept
     unsigned long long hash_of(
         const double* values, Py_ssize_t n, unsigned long long total
     ) noexcept

@@ -16,7 +16,6 @@ from cython.cimports.namlcp.linalg.arrays import numbers, places
 from cython.cimports.namlcp.linalg.blas import (
     add_squares,
     blas_times,
-    blas_times_transposed,
     cholesky,
     cholesky_solve,
 )
@@ -138,12 +137,12 @@ class Condensed(Factors):
         n, rows, D, y, u = self.width, self.n - self.width, self.D, self.y, self.u
         for i in range(rows):
             y[i] = D[i] * rhs[n + i]
-        blas_times_transposed(self.R, rows, n, y, u)
+        blas_times(self.R, rows, n, y, u, b"N")
         for j in range(n):
             u[j] += rhs[j]
         cholesky_solve(self.S, n, u)
         copy(u, x, n)
-        blas_times(self.R, rows, n, x, u)
+        blas_times(self.R, rows, n, x, u, b"T")
         for i in range(rows):
             x[n + i] = D[i] * (u[i] - y[i])
 

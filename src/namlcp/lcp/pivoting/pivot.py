@@ -16,12 +16,7 @@ from cython.cimports.namlcp.lcp.pivoting.free_system import (
     is_definite,
     solve_free,
 )
-from cython.cimports.namlcp.linalg.vectors import (
-    add_scaled,
-    copy,
-    largest_entry,
-    scale_by,
-)
+from cython.cimports.namlcp.linalg.vectors import add_scaled, copy, largest_entry
 from cython.cimports.namlcp.measure import are_met, both_residuals
 from cython.cimports.namlcp.watch import look_at_clock, raise_kept
 
@@ -161,7 +156,8 @@ def scale_problem(m):
     for j in range(n):
         d_j = d[j]
         if m.is_dense:
-            scale_by(d_j, m.values + j * n, d, m.scaled + j * n, n)
+            for i in range(j * n, (j + 1) * n):
+                m.scaled[i] = m.values[i] * d_j * d[i - j * n]
         else:
             for p in range(m.indptr[j], m.indptr[j + 1]):
                 m.scaled[p] = m.values[p] * d_j * d[m.indices[p]]

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import cython
 import numpy as np
 from cython.cimports.libc.math import INFINITY, fabs, floor
-from cython.cimports.namlcp.linalg.vectors import float_bits
+from cython.cimports.libc.string import memcpy
 from scipy.sparse import csr_array
 
 from namlcp.checks import from_arrays, no_rows
@@ -70,6 +70,7 @@ def group_rows(indptr, indices, data, key, table, number, ratio, first):
     mask: cython.longlong = table.shape[0] - 1
     kept: cython.int = 0
     group: cython.int = 0
+    bits: cython.int = 0
     begin = indptr[0]
     for i in range(key.shape[0]):
         end = indptr[i + 1]
@@ -83,7 +84,8 @@ def group_rows(indptr, indices, data, key, table, number, ratio, first):
             if (data[t] > 0.0) != (data[begin] > 0.0):
                 weight += 1.0
             total += fabs(data[t]) * weight
-        bits = float_bits(total / fabs(data[begin]))
+        single: cython.float = total / fabs(data[begin])
+        memcpy(cython.address(bits), cython.address(single), cython.sizeof(single))
         s = (bits ^ (bits >> 15)) & mask
         factor = 0.0
         while table[s] >= 0 and factor == 0.0:
