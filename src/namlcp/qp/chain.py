@@ -1,9 +1,9 @@
 """Transforms one after another, from the user's QP to the problem an engine solves.
 
-A transform has the methods `point`, `primal` (x alone), `ray` (a direction of x) and
-`certificate` (the multipliers that prove infeasibility), which map back to the problem
-before it, and `guess`, which maps a guess forward. A `Chain` has the same methods, for
-all its transforms.
+A transform has the methods `point`, which maps a point back to the problem before it,
+and `guess`, which maps a guess forward. A `Chain` has the same methods, for all its
+transforms. With data = 0.0, `point` maps what is scaled at will: a ray, or multipliers
+that prove infeasibility; q, b and the bounds count as 0 then.
 """
 
 from namlcp.qp.problem import Point
@@ -19,27 +19,11 @@ class Chain:
         """Return the chain with more transforms at the engine's end."""
         return Chain(*self.transforms, *transforms)
 
-    def point(self, *parts):
+    def point(self, *parts, data=1.0):
         """Return the user's point; `parts` as the last transform takes them."""
         for transform in self.back:
-            parts = transform.point(*parts)
+            parts = transform.point(*parts, data)
         return Point(*parts)
-
-    def primal(self, x):
-        for transform in self.back:
-            x = transform.primal(x)
-        return x
-
-    def ray(self, d):
-        for transform in self.back:
-            d = transform.ray(d)
-        return d
-
-    def certificate(self, *parts):
-        for transform in self.back:
-            parts = transform.certificate(*parts)
-        y, z = parts
-        return y, z
 
     def guess(self, guess):
         for transform in self.transforms:

@@ -34,11 +34,13 @@ def find_proof(m):
 
     Its projections are tried, too, where it improved since the last ones.
     """
-    n, p = m.n, m.p
+    n, rows = m.n, m.n + m.p
     du, dZ = as_array(m.step.du, m.size).copy(), as_array(m.step.dZ, m.m)
     x, y, _, Z = m.point
-    last = du[n : n + p], np.maximum(dZ, 0.0)
-    for k, candidate in enumerate(((y, Z), last, (x,), (du[:n],))):
+    none = np.zeros(n), np.zeros(m.p), np.zeros(m.m)
+    last = none[0], du[n:rows], np.maximum(dZ, 0.0)
+    candidates = (none[0], y, Z), last, (x, *none[1:]), (du[:n], *none[1:])
+    for k, candidate in enumerate(candidates):
         if not m.ratios[k] < INFINITY:
             continue
         verdict = Status.PRIMAL_INFEASIBLE if k < 2 else Status.DUAL_INFEASIBLE
@@ -54,14 +56,12 @@ def find_proof(m):
 
 
 def proves(m, k, candidate):
-    """Tell whether scaled (y, Z), or a direction (d,), is a proof, which is kept."""
-    chain, judge = m.chain, m.judge
+    """Tell whether scaled (d, y, Z) are a proof, of which d or (y, Z) is 0; keep it."""
     x, y, _, Z = m.point
+    near, proof = m.chain.point(x, y, Z), m.chain.point(*candidate, data=0.0)
     if k < 2:
-        y, z = chain.certificate(*candidate)
-        return judge.accept_multipliers(chain.primal(x), y, z)
-    (d,) = candidate
-    return judge.accept_ray(chain.ray(d), chain.point(x, y, Z))
+        return m.judge.accept_multipliers(near.x, proof.y, proof.z)
+    return m.judge.accept_ray(proof.x, near)
 
 
 def products(m, x, v):
@@ -77,7 +77,7 @@ def project_multipliers(m, candidate):
     PROJECTION, is solved again as long as the residual is halved and not PROJECTED.
     """
     problem, kkt, n, rows = m.problem, m.kkt, m.n, m.n + m.p
-    y, Z = candidate
+    none, y, Z = candidate
     size = largest(y, Z)
     y, Z = y / size, Z / size
     w = np.sqrt(Z)
@@ -106,7 +106,7 @@ def project_multipliers(m, candidate):
         t = products(m, u[:n], v)[2]
         y = y + u[n:rows]
         Z = np.maximum(Z + w * problem.sign * t[problem.place], 0.0)
-    return [best]
+    return [(none, *best)]
 
 
 def project_ray(m, candidate):
@@ -115,7 +115,8 @@ def project_ray(m, candidate):
     Constraints that the result violates are added for another projection. Returns
     all results, the last one first.
     """
-    d = candidate[0] / largest(candidate[0])
+    d, *none = candidate
+    d = d / largest(d)
     active, found = change_of_constraints(m, d) > NEARLY_ACTIVE, []
     zero = np.zeros(max(m.size, m.m))  # goal_c has m entries
     m.cost = m.goal_b = m.goal_c = numbers(zero, zero.size)
@@ -127,7 +128,7 @@ def project_ray(m, candidate):
         if not m.is_factored:
             break
         better = as_array(m.found, m.n).copy()
-        found.append((better,))
+        found.append((better, *none))
         more = active | (change_of_constraints(m, better) > VIOLATED)
         if np.array_equal(more, active):
             break

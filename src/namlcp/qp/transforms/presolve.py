@@ -61,37 +61,6 @@ class Presolved(NamedTuple):
     G_groups: Groups
     fixed_by: tuple[np.ndarray, np.ndarray, np.ndarray]
 
-    def primal(self, x):
-        """Return the x of `qp` from that of the kept columns."""
-        full = self.ray(x)
-        full[self.fixed] = self.x_fixed
-        return full
-
-    def ray(self, d):
-        """Return the direction of the x of `qp`; fixed variables do not move."""
-        if not self.fixed.size:
-            return d
-        full = np.zeros(self.qp.q.size)
-        full[self.kept] = d
-        return full
-
-    def certificate(self, y, z):
-        """Return the (y, z) of `qp` that prove what those of the smaller problem do."""
-        y, z = self.multipliers(y, z)
-        if self.fixed_by[0].size:
-            self.hold_fixed(np.zeros(self.qp.q.size), y, z)
-        return y, z
-
-    def multipliers(self, y, z):
-        """Return the (y, z) of `qp`, zero at dropped rows; z: of `sides`, (2, m).
-
-        The two extreme rows of an equation share its y so that b'y does not change.
-        """
-        y_full, z_full = np.zeros(self.qp.b.size), np.zeros(self.qp.h.size)
-        share_out(y, self.b_of, self.A_groups.ratio, y_full)
-        hand_on(z, self.side_of, self.G_groups.ratio, z_full)
-        return y_full, z_full
-
     def hold_fixed(self, gradient, y, z):
         """Return the z_box that makes fixed variables stationary; move it to z.
 
@@ -122,16 +91,21 @@ class Presolved(NamedTuple):
         active = np.concatenate((sides, ub[self.kept], lb[self.kept]))
         return guess.x[self.kept], y.sum(0), z, guess.z_box[self.kept], active
 
-    def point(self, x, y, z, z_box):
-        """Return the point of `qp`; z_box of a fixed variable makes its residual 0."""
-        qp = self.qp
-        y, z = self.multipliers(y, z)
+    def point(self, x, y, z, z_box, data=1.0):
+        """Return the point of `qp`; z_box of a fixed variable makes its residual 0.
+
+        z: of `sides`, (2, m). The multipliers of dropped rows are 0; the two extreme
+        rows of an equation share its y so that b'y does not change.
+        """
+        qp, (full, y_full, z_full, _) = self.qp, self.qp.point()
+        share_out(y, self.b_of, self.A_groups.ratio, y_full)
+        hand_on(z, self.side_of, self.G_groups.ratio, z_full)
         if not self.fixed.size:
-            return Point(x, y, z, z_box)
-        x = self.primal(x)
-        box = self.hold_fixed(times(qp.P, x) + qp.q, y, z)
+            return Point(x, y_full, z_full, z_box)
+        full[self.kept], full[self.fixed] = x, data * self.x_fixed
+        box = self.hold_fixed(times(qp.P, full) + data * qp.q, y_full, z_full)
         box[self.kept] = z_box
-        return Point(x, y, z, box)
+        return Point(full, y_full, z_full, box)
 
 
 def presolve(qp, eps_abs, eps_rel, last=None):

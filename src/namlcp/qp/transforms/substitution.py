@@ -71,31 +71,15 @@ class Substitution(NamedTuple):
         b, lb, ub = user.b[self.others], user.lb[kept], user.ub[kept]
         return QP(self.P, q, self.G, user.h, self.A, b, lb, ub)
 
-    def point(self, x, y, z, z_box):
-        user, x = self.user, self.primal(x)
-        y, z = self.certificate(y, z)
-        gradient = self.cost * x[self.columns] + user.q[self.columns]
-        y[self.by] = -gradient / self.pivot
-        full = np.zeros(user.q.size)
-        full[self.kept] = z_box
-        return Point(x, y, z, full)
-
-    def primal(self, x):
-        full = self.ray(x)
-        full[self.columns] += self.user.b[self.by] / self.pivot
-        return full
-
-    def certificate(self, y, z, *_):
-        """Return the user's (y, z) with y = 0 at the rows substituted."""
-        full = np.zeros(self.user.b.size)
-        full[self.others] = y
-        return full, z
-
-    def ray(self, d):
-        full = np.empty(self.user.q.size)
-        full[self.kept] = d
-        full[self.columns] = -times(self.rest, d) / self.pivot
-        return full
+    def point(self, x, y, z, z_box, data=1.0):
+        user, by, columns = self.user, self.by, self.columns
+        x_full, y_full, _, box = user.point()
+        x_full[self.kept], y_full[self.others], box[self.kept] = x, y, z_box
+        x_full[columns] = data * user.b[by] / self.pivot
+        x_full[columns] -= times(self.rest, x) / self.pivot
+        gradient = self.cost * x_full[columns] + data * user.q[columns]
+        y_full[by] = -gradient / self.pivot
+        return Point(x_full, y_full, z, box)
 
     def guess(self, guess):
         if not guess.x.size:
