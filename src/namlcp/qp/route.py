@@ -24,12 +24,15 @@ from namlcp.qp.guess import NO_GUESS, make_guess
 from namlcp.qp.interior import solve_interior
 from namlcp.qp.judge import Judge
 from namlcp.qp.memory import Memory
-from namlcp.qp.transforms import substitute, without_huge_bounds
+from namlcp.qp.transforms import substitute
 from namlcp.status import Status
 
 # Most variables, and most entries of P, G and A, zeros included, of the dense form,
 # which would take many seconds beyond.
 DENSE_VARIABLES, DENSE_ENTRIES = 2000, 16_000_000
+# Least huge bound or h_i, which stands for infinity and whose products round off all
+# other terms of a sum, relative to the largest of 1, |b| and those below HUGE.
+HUGE = 1e6
 # Statuses after which a QP is solved in another way.
 UNDECIDED = (Status.STALLED, Status.NUMERICAL_ERROR)
 
@@ -91,6 +94,20 @@ def solve_by_engines(qp, chain, guess, judge, memory, small=None):
             if found is not None and found.status in ENDS:
                 return found
     return found
+
+
+def without_huge_bounds(qp):
+    """Return the QP with its huge bounds made infinite; None if it has none."""
+    sides = np.abs(np.concatenate((qp.h, qp.lb, qp.ub)))
+    ordinary = np.concatenate((np.ones(1), np.abs(qp.b), sides[sides < HUGE]))
+    huge = HUGE * ordinary.max()
+    upper = np.concatenate((qp.h, -qp.lb, qp.ub))
+    if not ((huge <= upper) & (upper < np.inf)).any():
+        return None
+    h = np.where(qp.h >= huge, np.inf, qp.h)
+    lb = np.where(qp.lb <= -huge, -np.inf, qp.lb)
+    ub = np.where(qp.ub >= huge, np.inf, qp.ub)
+    return qp._replace(h=h, lb=lb, ub=ub)
 
 
 def entries_of(qp):
