@@ -1,7 +1,7 @@
 """The search for certificates of infeasibility in the interior-point method.
 
 Candidates are the iterate and the last step, as they are and projected by means of one
-factorisation of K. Those with small relative residuals (`look.promises`) are tested by
+factorisation of K. Those with small relative residuals (`promises`) are tested by
 the judge, on unscaled data.
 """
 
@@ -10,14 +10,20 @@ import numpy as np
 from cython.cimports.libc.math import INFINITY
 from cython.cimports.namlcp.linalg.arrays import numbers
 from cython.cimports.namlcp.linalg.sparse_ldl import as_array
+from cython.cimports.namlcp.linalg.vectors import fill, largest_entry
 from cython.cimports.namlcp.qp.interior.active_set import solve_set
-from cython.cimports.namlcp.qp.interior.look import AGAIN
-from cython.cimports.namlcp.qp.interior.newton import factor
-from cython.cimports.namlcp.qp.interior.steps import THIN, multiply
+from cython.cimports.namlcp.qp.interior.newton import THIN, factor, multiply
 
 from namlcp.qp.certificates import largest
 from namlcp.status import Status
 
+# A residual converges if an iteration reduces it to this part: then there is no test
+# for a certificate.
+CONVERGING = 0.25
+# Relative residual of a candidate for a certificate up to which it is promising, and up
+# to which it is tested. Between these, it is tested where it fell to the part AGAIN of
+# that at the last test.
+PROMISING, SMALL_RATIO, AGAIN = 0.1, 1e-4, 0.1
 # In a projection of multipliers, the weight of the distance to the candidate, where the
 # residual has weight 1. The refinement ends at a largest residual PROJECTED, where the
 # largest multiplier is 1: a certificate needs 1e-12.
@@ -27,6 +33,78 @@ RAY_SHIFT = 1e-6
 # A one-sided constraint is an equation in the projection of a ray d, max |d_j| = 1, if
 # sign * C d, scaled, exceeds NEARLY_ACTIVE for d, or VIOLATED for a projection so far.
 NEARLY_ACTIVE, VIOLATED = -1e-3, 1e-13
+
+
+def promises(m):
+    """Set the ratios of the candidates for certificates; tell whether one is tested.
+
+    In an infeasible (unbounded) problem the primal (dual) residual cannot vanish. While
+    it is within the tolerance or falls to a quarter, no candidate is tested.
+    """
+    dual_norm, primal_norm = m.dual_norm, max(m.row_norm, m.slack_norm)
+    dual: cython.bint = dual_norm > CONVERGING * m.old_dual_norm and m.dual > m.tol
+    primal: cython.bint = (
+        primal_norm > CONVERGING * m.old_primal_norm and m.primal > m.tol
+    )
+    m.old_dual_norm, m.old_primal_norm = dual_norm, primal_norm
+    if not (primal or dual):
+        return False
+    du, dZ, dv, ratios = m.step.du, m.step.dZ, m.dv, m.ratios
+    fill(dv, 0.0, m.size)
+    for i in range(m.p):
+        dv[m.n + i] = du[m.n + i]
+    for k in range(m.m):
+        dv[m.place[k]] += m.sign[k] * max(dZ[k], 0.0)
+    multiply(m, du, dv, m.Pdx, m.Ctdv, m.dt)
+    size = max(1.0, largest_entry(m.x, m.n))
+    ratios[0] = farkas_ratio(m, m.y, m.Z, m.v, m.Ctv, size)
+    ratios[1] = farkas_ratio(m, du + m.n, dZ, dv, m.Ctdv, size)
+    ratios[2] = ray_ratio(m, m.x, m.Px, m.t)
+    ratios[3] = ray_ratio(m, du, m.Pdx, m.dt)
+    found: cython.bint = False
+    for k in range(4):
+        is_stuck: cython.bint = primal if k < 2 else dual
+        if not is_stuck or not ratios[k] <= PROMISING:
+            ratios[k] = INFINITY
+        elif ratios[k] <= SMALL_RATIO or ratios[k] <= AGAIN * m.tested[k]:
+            found = True
+    return found
+
+
+def farkas_ratio(m, y, Z, v, Ctv, size):
+    """Return min(|r| |x| / -value, |r| / |multipliers|), inf if value >= 0."""
+    value: cython.double = 0.0
+    most: cython.double = 0.0
+    residual: cython.double = 0.0
+    for i in range(m.p):
+        value += m.b[i] * y[i]
+        most = max(most, abs(y[i]))
+    for k in range(m.m):
+        value += m.c[k] * max(Z[k], 0.0)
+        most = max(most, Z[k])
+    if not value < 0.0:
+        return INFINITY
+    for j in range(m.n):
+        residual = max(residual, abs(Ctv[j] + v[j]))
+    return min(residual * size / -value, residual / most)
+
+
+def ray_ratio(m, d, Pd, t):
+    """Return max(|P d|, |A d|, (C d)+) / |d|, inf if q'd >= 0."""
+    value: cython.double = 0.0
+    most: cython.double = 0.0
+    residual: cython.double = 0.0
+    for j in range(m.n):
+        value += m.q[j] * d[j]
+        most = max(most, abs(d[j]))
+        residual = max(residual, abs(Pd[j]))
+    if not value < 0.0:
+        return INFINITY
+    for i in range(m.n, m.n + m.p):
+        residual = max(residual, abs(t[i]))
+    for k in range(m.m):
+        residual = max(residual, m.sign[k] * t[m.place[k]])
+    return residual / most
 
 
 def find_proof(m):
