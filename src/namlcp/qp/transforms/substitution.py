@@ -107,13 +107,13 @@ def substitute(qp, last=None, deadline=NEVER):
     deadline.check(PASS * qp.A.data.size)
     n, m, p = qp.q.size, qp.h.size, qp.b.size
     chosen, (pivot, cost, work) = np.empty(p, dtype=np.int32), np.empty((3, p))
-    if find_free_columns(qp, chosen, pivot, cost, work) == 0:
-        return None
-    if not (qp.lb <= qp.ub).all():
+    find_free_columns(qp, chosen, pivot, cost, work)
+    by = (chosen >= 0).nonzero()[0]
+    if not by.size or not (qp.lb <= qp.ub).all():
         return None
     deadline.check(PASS * qp.A.data.size)
-    by, others = (chosen >= 0).nonzero()[0], (chosen < 0).nonzero()[0]
-    columns, pivot, cost = chosen[by], pivot[by], cost[by]
+    others, columns = (chosen < 0).nonzero()[0], chosen[by]
+    pivot, cost = pivot[by], cost[by]
     stays = constant(n, True, np.bool_)
     stays[columns] = False
     kept = stays.nonzero()[0]
@@ -133,7 +133,7 @@ def substitute(qp, last=None, deadline=NEVER):
 
 
 def find_free_columns(qp, chosen, pivot, cost, largest):
-    """Choose free columns to substitute; return their number.
+    """Choose free columns to substitute.
 
     Free is a column without bounds (lb, ub) and without entries in G, with one entry in
     A and none in P but a diagonal one, p >= 0. Row i of A substitutes column chosen[i],
@@ -166,15 +166,15 @@ def find_free_columns(qp, chosen, pivot, cost, largest):
             chosen[i], pivot[i] = j, A.data[t]
             cost[i] = P.data[s] if s >= 0 else 0.0
             some = True
-    if not some:
-        return 0
-    for t in range(A.indptr[n]):
-        i = A.indices[t]
-        largest[i] = max(largest[i], fabs(A.data[t]))
-    for i in range(chosen.shape[0]):
-        if fabs(pivot[i]) < PIVOT * largest[i]:
-            chosen[i] = -1
-    return drop_filling_rows(cython.address(A), n, chosen, cost)
+    if some:
+        for t in range(A.indptr[n]):
+            i = A.indices[t]
+            largest[i] = max(largest[i], fabs(A.data[t]))
+        for i in range(chosen.shape[0]):
+            if fabs(pivot[i]) < PIVOT * largest[i]:
+                chosen[i], cost[i] = -1, 0.0
+        drop_filling_rows(cython.address(A), n, chosen, cost)
+    return 0
 
 
 def only_entry(C, j):
@@ -189,36 +189,27 @@ def only_entry(C, j):
 
 
 def drop_filling_rows(A, n, chosen, cost):
-    """Set chosen[i] = -1 where squares would fill P; return how many rows are left.
-
-    If the squares of all rows with p > 0 fill P, only the short ones of them are left.
-    """
+    """If the squares of all rows with p > 0 fill P, set chosen[i] = -1 in long ones."""
     rows = chosen.shape[0]
     count: cython.longlong[::1] = np.zeros(rows, np.longlong)
-    for t in range(A.indptr[n]):
-        count[A.indices[t]] += A.data[t] != 0.0
     lengths: cython.longlong = 0
     squares: cython.longlong = 0
     width: cython.longlong = 0
-    left: Py_ssize_t = 0
-    for i in range(rows):
-        if chosen[i] >= 0:
-            left += 1
-            if cost[i] > 0.0:
-                length = count[i] - 1
-                lengths += length
-                squares += length * length
-                width -= 1
     for j in range(n):
+        is_met: cython.bint = False
         for t in range(A.indptr[j], A.indptr[j + 1]):
-            i = A.indices[t]
-            if A.data[t] != 0.0 and chosen[i] >= 0 and cost[i] > 0.0:
-                width += 1
-                break
-    if min(squares, width * width) <= FILL * lengths + SMALL:
-        return left
+            if A.data[t] != 0.0 and cost[A.indices[t]] > 0.0:
+                count[A.indices[t]] += 1
+                is_met = True
+        width += is_met
     for i in range(rows):
-        if chosen[i] >= 0 and cost[i] > 0.0 and count[i] - 1 > SHORT:
-            chosen[i] = -1
-            left -= 1
-    return left
+        if cost[i] > 0.0:
+            length = count[i] - 1
+            lengths += length
+            squares += length * length
+            width -= 1  # the column that goes
+    if min(squares, width * width) > FILL * lengths + SMALL:
+        for i in range(rows):
+            if count[i] - 1 > SHORT:
+                chosen[i] = -1
+    return 0
