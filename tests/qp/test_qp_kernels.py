@@ -20,9 +20,8 @@ from namlcp.qp.transforms import ScaledQP, presolve
 
 LIMITS = Limits(1e-9, 0.0)
 TOL = 1e-6
-steps, loop, newton, state = (
-    plain.module(f"namlcp.qp.interior.{name}")
-    for name in ("steps", "loop", "newton", "state")
+newton, state = (
+    plain.module(f"namlcp.qp.interior.{name}") for name in ("newton", "state")
 )
 
 
@@ -30,7 +29,7 @@ steps, loop, newton, state = (
 
 
 class Transcription:
-    """The Newton system of `steps` before its elimination, dense.
+    """The Newton system of `newton` before its elimination, dense.
 
     Unknowns dx, dy, dZ, dW; the constraints are S x + W = c.
     """
@@ -90,17 +89,17 @@ def iterate(whole, point, rho, delta):
     target = aim - W * Z - dW * dZ
     step = whole.direction(point, target, rho, delta)
     a, z = longest(W, Z, *step[2:])
-    if a + z < loop.LONG:
-        by = steps.LENGTHENED
+    if a + z < newton.LONG:
+        by = newton.LENGTHENED
         longer = [min(1.0, (1.0 + by) * s + by) for s in (a, z)]
         product = (W + longer[0] * step[2]) * (Z + longer[1] * step[3])
-        most = steps.MOST_PRODUCT * aim
-        change = np.clip(product, steps.LEAST_PRODUCT * aim, most) - product
+        most = newton.MOST_PRODUCT * aim
+        change = np.clip(product, newton.LEAST_PRODUCT * aim, most) - product
         other = whole.direction(point, target + np.maximum(change, -most), rho, delta)
         b, w = longest(W, Z, *other[2:])
-        if b + w >= a + z + loop.GAIN:
+        if b + w >= a + z + newton.GAIN:
             step, a, z = other, b, w
-    a, z = steps.SHORT * a, steps.SHORT * z
+    a, z = newton.SHORT * a, newton.SHORT * z
     lengths = a, z, a, z
     return [v + k * dv for v, k, dv in zip(point, lengths, step, strict=True)]
 

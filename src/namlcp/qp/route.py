@@ -30,13 +30,16 @@ from namlcp.qp.convexity import check_convex
 from namlcp.qp.interior import solve_interior
 from namlcp.qp.judge import Judge
 from namlcp.qp.problem import NO_GUESS, Point, make_guess
-from namlcp.qp.transforms import substitute, without_huge_bounds
+from namlcp.qp.transforms import substitute
 from namlcp.residuals import UNDEFINED
 from namlcp.status import ENDS, Status
 
 # Most variables, and most entries of P, G and A, zeros included, of the dense form,
 # which would take many seconds beyond.
 DENSE_VARIABLES, DENSE_ENTRIES = 2000, 16_000_000
+# Least huge bound or h_i, which stands for infinity and whose products round off all
+# other terms of a sum, relative to the largest of 1, |b| and those below HUGE.
+HUGE = 1e6
 # Statuses after which a QP is solved in another way.
 UNDECIDED = (Status.STALLED, Status.NUMERICAL_ERROR)
 
@@ -44,9 +47,10 @@ UNDECIDED = (Status.STALLED, Status.NUMERICAL_ERROR)
 class Chain:
     """Transforms one after another, the user's end first.
 
-    A transform has the methods `point`, `primal` (x alone), `ray` (a direction of x)
-    and `certificate` (the multipliers that prove infeasibility), which map back to the
-    problem before it, and `guess`, which maps a guess forward. A chain has the same.
+    A transform has the methods `point`, which maps a point back to the problem before
+    it, and `guess`, which maps a guess forward. A chain has the same. With data = 0.0,
+    `point` maps what is scaled at will: a ray, or multipliers that prove infeasibility;
+    q, b and the bounds count as 0 then.
     """
 
     def __init__(self, *transforms):
@@ -55,26 +59,11 @@ class Chain:
     def then(self, *transforms):
         return Chain(*self.transforms, *transforms)
 
-    def point(self, *parts):
+    def point(self, *parts, data=1.0):
         """Return the user's point; `parts` as the last transform takes them."""
         for transform in self.back:
-            parts = transform.point(*parts)
+            parts = transform.point(*parts, data)
         return Point(*parts)
-
-    def primal(self, x):
-        for transform in self.back:
-            x = transform.primal(x)
-        return x
-
-    def ray(self, d):
-        for transform in self.back:
-            d = transform.ray(d)
-        return d
-
-    def certificate(self, y, z):
-        for transform in self.back:
-            y, z = transform.certificate(y, z)
-        return y, z
 
     def guess(self, guess):
         for transform in self.transforms:
@@ -210,6 +199,20 @@ def solve_by_engines(qp, chain, guess, judge, memory, small=None):
             if found is not None and found.status in ENDS:
                 return found
     return found
+
+
+def without_huge_bounds(qp):
+    """Return the QP with its huge bounds made infinite; None if it has none."""
+    sides = np.abs(np.concatenate((qp.h, qp.lb, qp.ub)))
+    ordinary = np.concatenate((np.ones(1), np.abs(qp.b), sides[sides < HUGE]))
+    huge = HUGE * ordinary.max()
+    upper = np.concatenate((qp.h, -qp.lb, qp.ub))
+    if not ((huge <= upper) & (upper < np.inf)).any():
+        return None
+    h = np.where(qp.h >= huge, np.inf, qp.h)
+    lb = np.where(qp.lb <= -huge, -np.inf, qp.lb)
+    ub = np.where(qp.ub >= huge, np.inf, qp.ub)
+    return qp._replace(h=h, lb=lb, ub=ub)
 
 
 def entries_of(qp):

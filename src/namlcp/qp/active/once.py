@@ -78,11 +78,15 @@ def answer_of(m: ActiveSet, judge: Judge, chain: Any = None) -> Outcome | None:
     elif chain is None:
         proof = point, solve.residuals_found(m)  # it passed on the same arrays
         accepted = judge.keep(status, proof)
-    elif m.code == Code.CONTRADICTION:
-        near = chain.primal(np.zeros(x.size))
-        accepted = judge.accept_multipliers(near, *chain.certificate(y, z))
     else:
-        accepted = judge.accept_ray(chain.ray(x))
+        zero = Point(*map(np.zeros_like, point))
+        if m.code == Code.CONTRADICTION:
+            proof = chain.point(*zero._replace(y=y, z=z), data=0.0)
+            near = chain.point(*zero)
+            accepted = judge.accept_multipliers(near.x, proof.y, proof.z)
+        else:
+            ray = chain.point(*zero._replace(x=x), data=0.0)
+            accepted = judge.accept_ray(ray.x)
     return judge.answer(status, m.pivots, FORM) if accepted else None
 
 

@@ -1,10 +1,13 @@
 from namlcp.qp.interior.state cimport Interior
 
-cdef double RAY_SHIFT, PROJECTION, PROJECTED, NEARLY_ACTIVE, VIOLATED
+cdef double CONVERGING, PROMISING, SMALL_RATIO, AGAIN, RAY_SHIFT, PROJECTION, PROJECTED, NEARLY_ACTIVE, VIOLATED
 cdef enum:
     PROJECTION_STEPS = 15
     RAY_PROJECTIONS = 3
 
+cdef bint promises(Interior m) noexcept nogil
+cdef double farkas_ratio(Interior m, const double* y, const double* Z, const double* v, const double* Ctv, double size) noexcept nogil
+cdef double ray_ratio(Interior m, const double* d, const double* Pd, const double* t) noexcept nogil
 cdef object find_proof(Interior m)
 cdef bint proves(Interior m, int k, tuple candidate) except -1
 cdef tuple products(Interior m, object x, object v)

@@ -1,7 +1,7 @@
 """The search for certificates of infeasibility in the interior-point method.
 
 Candidates are the iterate and the last step, as they are and projected by means of one
-factorisation of K. Those with small relative residuals (`look.promises`) are tested by
+factorisation of K. Those with small relative residuals (`promises`) are tested by
 the judge, on unscaled data.
 """
 
@@ -10,14 +10,20 @@ import numpy as np
 from cython.cimports.libc.math import INFINITY
 from cython.cimports.namlcp.linalg.arrays import numbers
 from cython.cimports.namlcp.linalg.sparse_ldl import as_array
+from cython.cimports.namlcp.linalg.vectors import fill, largest_entry
 from cython.cimports.namlcp.qp.interior.active_set import solve_set
-from cython.cimports.namlcp.qp.interior.look import AGAIN
-from cython.cimports.namlcp.qp.interior.newton import factor
-from cython.cimports.namlcp.qp.interior.steps import THIN, multiply
+from cython.cimports.namlcp.qp.interior.newton import THIN, factor, multiply
 
 from namlcp.qp.certificates import largest
 from namlcp.status import Status
 
+# A residual converges if an iteration reduces it to this part: then there is no test
+# for a certificate.
+CONVERGING = 0.25
+# Relative residual of a candidate for a certificate up to which it is promising, and up
+# to which it is tested. Between these, it is tested where it fell to the part AGAIN of
+# that at the last test.
+PROMISING, SMALL_RATIO, AGAIN = 0.1, 1e-4, 0.1
 # In a projection of multipliers, the weight of the distance to the candidate, where the
 # residual has weight 1. The refinement ends at a largest residual PROJECTED, where the
 # largest multiplier is 1: a certificate needs 1e-12.
@@ -29,16 +35,90 @@ RAY_SHIFT = 1e-6
 NEARLY_ACTIVE, VIOLATED = -1e-3, 1e-13
 
 
+def promises(m):
+    """Set the ratios of the candidates for certificates; tell whether one is tested.
+
+    In an infeasible (unbounded) problem the primal (dual) residual cannot vanish. While
+    it is within the tolerance or falls to a quarter, no candidate is tested.
+    """
+    dual_norm, primal_norm = m.dual_norm, max(m.row_norm, m.slack_norm)
+    dual: cython.bint = dual_norm > CONVERGING * m.old_dual_norm and m.dual > m.tol
+    primal: cython.bint = (
+        primal_norm > CONVERGING * m.old_primal_norm and m.primal > m.tol
+    )
+    m.old_dual_norm, m.old_primal_norm = dual_norm, primal_norm
+    if not (primal or dual):
+        return False
+    du, dZ, dv, ratios = m.step.du, m.step.dZ, m.dv, m.ratios
+    fill(dv, 0.0, m.size)
+    for i in range(m.p):
+        dv[m.n + i] = du[m.n + i]
+    for k in range(m.m):
+        dv[m.place[k]] += m.sign[k] * max(dZ[k], 0.0)
+    multiply(m, du, dv, m.Pdx, m.Ctdv, m.dt)
+    size = max(1.0, largest_entry(m.x, m.n))
+    ratios[0] = farkas_ratio(m, m.y, m.Z, m.v, m.Ctv, size)
+    ratios[1] = farkas_ratio(m, du + m.n, dZ, dv, m.Ctdv, size)
+    ratios[2] = ray_ratio(m, m.x, m.Px, m.t)
+    ratios[3] = ray_ratio(m, du, m.Pdx, m.dt)
+    found: cython.bint = False
+    for k in range(4):
+        is_stuck: cython.bint = primal if k < 2 else dual
+        if not is_stuck or not ratios[k] <= PROMISING:
+            ratios[k] = INFINITY
+        elif ratios[k] <= SMALL_RATIO or ratios[k] <= AGAIN * m.tested[k]:
+            found = True
+    return found
+
+
+def farkas_ratio(m, y, Z, v, Ctv, size):
+    """Return min(|r| |x| / -value, |r| / |multipliers|), inf if value >= 0."""
+    value: cython.double = 0.0
+    most: cython.double = 0.0
+    residual: cython.double = 0.0
+    for i in range(m.p):
+        value += m.b[i] * y[i]
+        most = max(most, abs(y[i]))
+    for k in range(m.m):
+        value += m.c[k] * max(Z[k], 0.0)
+        most = max(most, Z[k])
+    if not value < 0.0:
+        return INFINITY
+    for j in range(m.n):
+        residual = max(residual, abs(Ctv[j] + v[j]))
+    return min(residual * size / -value, residual / most)
+
+
+def ray_ratio(m, d, Pd, t):
+    """Return max(|P d|, |A d|, (C d)+) / |d|, inf if q'd >= 0."""
+    value: cython.double = 0.0
+    most: cython.double = 0.0
+    residual: cython.double = 0.0
+    for j in range(m.n):
+        value += m.q[j] * d[j]
+        most = max(most, abs(d[j]))
+        residual = max(residual, abs(Pd[j]))
+    if not value < 0.0:
+        return INFINITY
+    for i in range(m.n, m.n + m.p):
+        residual = max(residual, abs(t[i]))
+    for k in range(m.m):
+        residual = max(residual, m.sign[k] * t[m.place[k]])
+    return residual / most
+
+
 def find_proof(m):
     """Return the verdict of the first candidate that is a proof, which is kept.
 
     Its projections are tried, too, where it improved since the last ones.
     """
-    n, p = m.n, m.p
+    n, rows = m.n, m.n + m.p
     du, dZ = as_array(m.step.du, m.size).copy(), as_array(m.step.dZ, m.m)
     x, y, _, Z = m.point
-    last = du[n : n + p], np.maximum(dZ, 0.0)
-    for k, candidate in enumerate(((y, Z), last, (x,), (du[:n],))):
+    none = np.zeros(n), np.zeros(m.p), np.zeros(m.m)
+    last = none[0], du[n:rows], np.maximum(dZ, 0.0)
+    candidates = (none[0], y, Z), last, (x, *none[1:]), (du[:n], *none[1:])
+    for k, candidate in enumerate(candidates):
         if not m.ratios[k] < INFINITY:
             continue
         verdict = Status.PRIMAL_INFEASIBLE if k < 2 else Status.DUAL_INFEASIBLE
@@ -54,14 +134,12 @@ def find_proof(m):
 
 
 def proves(m, k, candidate):
-    """Tell whether scaled (y, Z), or a direction (d,), is a proof, which is kept."""
-    chain, judge = m.chain, m.judge
+    """Tell whether scaled (d, y, Z) are a proof, of which d or (y, Z) is 0; keep it."""
     x, y, _, Z = m.point
+    near, proof = m.chain.point(x, y, Z), m.chain.point(*candidate, data=0.0)
     if k < 2:
-        y, z = chain.certificate(*candidate)
-        return judge.accept_multipliers(chain.primal(x), y, z)
-    (d,) = candidate
-    return judge.accept_ray(chain.ray(d), chain.point(x, y, Z))
+        return m.judge.accept_multipliers(near.x, proof.y, proof.z)
+    return m.judge.accept_ray(proof.x, near)
 
 
 def products(m, x, v):
@@ -77,7 +155,7 @@ def project_multipliers(m, candidate):
     PROJECTION, is solved again as long as the residual is halved and not PROJECTED.
     """
     problem, kkt, n, rows = m.problem, m.kkt, m.n, m.n + m.p
-    y, Z = candidate
+    none, y, Z = candidate
     size = largest(y, Z)
     y, Z = y / size, Z / size
     w = np.sqrt(Z)
@@ -106,7 +184,7 @@ def project_multipliers(m, candidate):
         t = products(m, u[:n], v)[2]
         y = y + u[n:rows]
         Z = np.maximum(Z + w * problem.sign * t[problem.place], 0.0)
-    return [best]
+    return [(none, *best)]
 
 
 def project_ray(m, candidate):
@@ -115,7 +193,8 @@ def project_ray(m, candidate):
     Constraints that the result violates are added for another projection. Returns
     all results, the last one first.
     """
-    d = candidate[0] / largest(candidate[0])
+    d, *none = candidate
+    d = d / largest(d)
     active, found = change_of_constraints(m, d) > NEARLY_ACTIVE, []
     zero = np.zeros(max(m.size, m.m))  # goal_c has m entries
     m.cost = m.goal_b = m.goal_c = numbers(zero, zero.size)
@@ -127,7 +206,7 @@ def project_ray(m, candidate):
         if not m.is_factored:
             break
         better = as_array(m.found, m.n).copy()
-        found.append((better,))
+        found.append((better, *none))
         more = active | (change_of_constraints(m, better) > VIOLATED)
         if np.array_equal(more, active):
             break

@@ -9,6 +9,11 @@ measures candidates on unscaled data and keeps the best.
 
 A warm start that stagnates is followed by a cold start, a cold start that stagnates by
 one whose mu falls more slowly (`restart`).
+
+What an iterate needs, as `look` says: REPORT: to be reported; JUDGE: measured on
+unscaled data; ACTIVE_SET: refined with its active set; PROVE: tested for a certificate;
+CLOCK: the time to be looked at; STOP: the end of the loop; DOUBT: the least shifts to
+be asked whether there is a feasible point.
 """
 
 import cython
@@ -17,39 +22,21 @@ from cython.cimports.libc.math import INFINITY
 from cython.cimports.namlcp.linalg.sparse_ldl import as_array
 from cython.cimports.namlcp.linalg.vectors import copy, fill
 from cython.cimports.namlcp.qp.interior.active_set import refine
-from cython.cimports.namlcp.qp.interior.certificates import find_proof
-from cython.cimports.namlcp.qp.interior.look import (
-    ACTIVE_SET,
-    DOUBT,
-    JUDGE,
+from cython.cimports.namlcp.qp.interior.certificates import (
     PROMISING,
-    PROVE,
-    REPORT,
-    STOP,
-    look,
+    find_proof,
+    promises,
 )
 from cython.cimports.namlcp.qp.interior.newton import (
     DELTA,
-    POOR,
     RHO,
-    factor,
+    evaluate,
     regularise,
-    solve,
-    strengthen,
+    start,
+    step,
 )
 from cython.cimports.namlcp.qp.interior.state import EXACT, attach, offer
-from cython.cimports.namlcp.qp.interior.steps import (
-    aim_at_centre,
-    aim_at_longer_step,
-    assemble,
-    evaluate,
-    move,
-    prepare_start,
-    set_right_side,
-    set_step,
-    start_inside,
-)
-from cython.cimports.namlcp.watch import look_at_clock, raise_kept
+from cython.cimports.namlcp.watch import is_over, look_at_clock, raise_kept
 
 from namlcp.status import Status
 
@@ -64,12 +51,27 @@ CLOSER, LEAST = 0.1, 1e-8
 # Slacks and multipliers of a warm start are at least INSIDE times the largest one, or
 # times LEAST_SLACK and LEAST_MULTIPLIER if these are larger.
 INSIDE, LEAST_SLACK, LEAST_MULTIPLIER = 1e-2, 1.0, 1e-3
-# Gondzio's corrector is tried if the sum of the primal and the dual step is below the
-# first, and kept if the sum grows by the second.
-LONG, GAIN = 1.8, 0.02
 # PATIENCE, WARM_PATIENCE: iterations without halving the worst residual before a
-# restart, after a cold start and after a warm one. FACTORISATIONS: those tried for one
-# step, each with more regularisation.
+# restart, after a cold start and after a warm one.
+# Gap over its tolerance up to which an iterate with small primal and dual residuals is
+# worth measuring on unscaled data, where the sums of the gap round differently.
+CLOSE = 1e3
+# An active-set refinement needs a worst residual, or a mean of W Z, below these.
+NEAR, NEAR_MU = 1e-2, 1e-7
+# The worst residual has to fall to this part of that at the last active-set refinement
+# before the next one, for small and for large K, with more than LARGE_KKT entries.
+DROP, DROP_LARGE = 0.1, 1e-3
+# Worst residual over its tolerance from which on a refinement needs an active set that
+# did not change in the last iteration.
+STEADY = 100.0
+# An iteration counts IDLE times in the patience if a step of full length leaves more
+# than the part STUCK of a large primal residual: the next steps will do no better.
+STUCK = 0.99
+# These are asked once, where the primal residual is FAR times its tolerance or more and
+# RESISTS iterations, counted like that, have not halved the worst one.
+FAR = 10.0
+# Passes over the entries of L in one iteration, about.
+PASSES = 20.0
 
 
 def run(m: Interior, guess):
@@ -181,63 +183,42 @@ def begin(m):
     m.rho, m.delta, m.wait = RHO, DELTA, 0
 
 
-def start(m):
-    """Set the first point; False if K~ has no factors."""
-    prepare_start(m)
-    assemble(m)
-    if not factor(m):
-        return False
-    find_step(m)
-    start_inside(m)
-    return True
+def look(m):
+    """Return what the iterate needs."""
+    wants: cython.int = REPORT if m.reports else 0
+    if m.worst <= CLOSE and max(m.primal_ratio, m.dual_ratio) <= 1.0:
+        wants |= JUDGE
+    same: cython.bint = mark_active(m)
+    near: cython.bint = m.tol * m.worst < NEAR or m.mu < NEAR_MU
+    drop = DROP_LARGE if m.nnz > LARGE_KKT else DROP
+    if near and m.worst <= drop * m.last_refined and (m.worst < STEADY or same):
+        m.last_refined = m.worst
+        wants |= ACTIVE_SET
+    if promises(m):
+        wants |= PROVE
+    is_stuck: cython.bint = m.primal_ratio > CLOSE and m.primal > STUCK * m.old_primal
+    m.since_halved += IDLE if is_stuck and m.has_full_step else 1
+    m.old_primal = m.primal
+    if m.worst <= 0.5 * m.reference:
+        m.reference, m.since_halved = m.worst, 0
+    if m.doubts and m.since_halved > RESISTS and m.primal_ratio > FAR:
+        wants |= DOUBT
+    stagnates: cython.bint = m.since_halved > m.patience or not m.worst < INFINITY
+    if stagnates or m.iterations >= m.max_iter:
+        wants |= STOP
+    if is_over(m, PASSES * m.factors.entries):
+        wants |= CLOCK
+    return wants
 
 
-def step(m):
-    """Make a step; False if K~ has no good factors."""
-    if not predict(m):
-        return False
-    error = m.step.error
-    if m.m > 0:
-        correct(m)
-    m.step.error = max(m.step.error, error)
-    move(m)
-    m.iterations += 1
-    return True
-
-
-def predict(m):
-    """Make Mehrotra's predictor, the step for W Z + W dZ + Z dW = 0."""
-    for _ in range(FACTORISATIONS):
-        assemble(m)
-        m.step.error = INFINITY
-        if factor(m):
-            for k in range(m.m):
-                m.rc[k] = -m.W[k] * m.Z[k]
-            find_step(m)
-            if m.step.error <= POOR:
-                return True
-        strengthen(m)
-    return m.step.error < INFINITY
-
-
-def find_step(m):
-    """Solve the Newton system for the target."""
-    set_right_side(m)
-    solve(m)
-    set_step(m)
-
-
-def correct(m):
-    """Make his corrector, then Gondzio's where the steps are short."""
-    aim_at_centre(m)
-    find_step(m)
-    if m.step.primal + m.step.dual < LONG:
-        aim_at_longer_step(m)
-        m.step, m.other = m.other, m.step
-        find_step(m)
-        longer = m.step.primal + m.step.dual
-        if not longer >= m.other.primal + m.other.dual + GAIN:
-            m.step, m.other = m.other, m.step
+def mark_active(m):
+    """Mark the constraints with Z > W; tell whether they are those of last time."""
+    same: cython.bint = True
+    for k in range(m.m):
+        is_active: cython.bint = m.Z[k] > m.W[k]
+        if is_active != m.active[k]:
+            same, m.active[k] = False, is_active
+    return same
 
 
 # ---- in Python: the judge, the clock, other starts

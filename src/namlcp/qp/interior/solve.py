@@ -43,13 +43,10 @@ def solve_interior(
     deadline.check(PASS * entries)
     small = presolve(qp, *limits.tolerances, memory.presolved)
     memory.presolved = small
-    reason = refuted(small, chain, judge)
-    if reason is not None:
-        return judge.answer(Status.PRIMAL_INFEASIBLE, 0, FORM, reason)
-    if small.q.size == 0:
-        none, zero = np.empty(0), np.zeros(small.sides.shape)
-        judge.offer(chain.then(small).point(none, np.zeros(small.b.size), zero, none))
-        return judge.answer(Status.STALLED, 0, FORM)
+    if small.contradictions or not small.q.size:
+        answer = answer_of_presolve(small, chain, judge)
+        if answer is not None:
+            return answer
     deadline.check(2.0 * PASS * entries)
     problem = memory.scaled = ScaledQP(small, memory.scaled)
     deadline.check()
@@ -59,11 +56,16 @@ def solve_interior(
     return judge.answer(run(m, guess), m.iterations, FORM)
 
 
-def refuted(small: Presolved, chain: Any, judge: Judge) -> str | None:
-    """Return why the constraints contradict each other, as presolve found, or None."""
+def answer_of_presolve(small: Presolved, chain: Any, judge: Judge) -> Outcome | None:
+    """Return the answer where constraints contradict each other or no x is left."""
+    sizes = small.q.size, small.b.size, small.sides.shape, small.q.size
+    near = chain.then(small).point(*map(np.zeros, sizes))
     for message, y, z in small.contradictions:
-        small.hold_fixed(np.zeros(small.qp.q.size), y, z)
-        x = chain.then(small).primal(np.zeros(small.q.size))
-        if judge.accept_multipliers(x, *chain.certificate(y, z)):
-            return message
-    return None
+        box = small.hold_fixed(np.zeros(small.qp.q.size), y, z)
+        proof = chain.point(0.0 * box, y, z, box, data=0.0)
+        if judge.accept_multipliers(near.x, proof.y, proof.z):
+            return judge.answer(Status.PRIMAL_INFEASIBLE, 0, FORM, message)
+    if small.q.size:
+        return None
+    judge.offer(near)
+    return judge.answer(Status.STALLED, 0, FORM)

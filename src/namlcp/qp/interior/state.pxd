@@ -26,7 +26,7 @@ cdef class Interior(Watched):
         const int *place
         const double *sign, *unit, *q, *b, *c, *cost, *goal_b, *goal_c
         # The iterate and the best one; the residuals, and the products P x and C'v; the
-        # target rc of W dZ + Z dW, tau and omega of `steps`.
+        # target rc of W dZ + Z dW, tau and omega of `newton`.
         double *x, *y, *W, *Z, *active, *best_x, *rd, *rp, *rw, *Px, *Ctv, *v, *t
         double *rc, *tau, *omega
         # The step; the one before the last corrector; P dx, C'dv and C dx of it.
@@ -73,7 +73,7 @@ cdef class Interior(Watched):
         double rhs_norm
         bint krylov_pays
         # Worst ratio that must be halved, iterations since it was, some counted as
-        # `look.IDLE` ones, and most of them; the primal residual one iteration before.
+        # IDLE ones, and most of them; the primal residual one iteration before.
         double reference, old_primal
         Py_ssize_t since_halved, patience
         # Worst ratio at the last active-set refinement.

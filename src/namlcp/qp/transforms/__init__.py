@@ -1,11 +1,9 @@
-"""Maps from a QP to an easier one: substitution, presolve, scaling, huge bounds.
+"""Maps from a QP to an easier one: substitution, presolve, scaling.
 
-`Substitution`, `Presolved` and `ScaledQP` have methods of the same names: `point`,
-`certificate` (multipliers that prove infeasibility) and `ray` (a direction of x) map
-back to the problem before the transform, `guess` maps a guess forward.
+`Substitution`, `Presolved` and `ScaledQP` have methods of the same names: `point` maps
+back to the problem before the transform, `guess` forward; see `namlcp.qp.route.Chain`.
 """
 
-from namlcp.qp.transforms.huge_bounds import without_huge_bounds
 from namlcp.qp.transforms.presolve import Presolved, presolve
 from namlcp.qp.transforms.scaling import ScaledQP, equilibrate
 from namlcp.qp.transforms.substitution import Substitution, substitute

@@ -79,21 +79,13 @@ class ScaledQP:
         self.q, self.b = small.q * scale[:n], small.b * scale[n:rows]
         self.c = self.side / self.unit[self.place]
 
-    def point(self, x, y, Z):
+    def point(self, x, y, Z, data=1.0):
         n, rows = self.n, self.small.sides.size
         z = np.zeros(rows + 2 * n)
         z[self.finite] = Z / self.unit[self.place]
         z_box = z[rows : rows + n] - z[rows + n :]
-        y = y / self.unit[n : n + self.p]
-        return self.ray(x), y, z[:rows].reshape(2, -1), z_box
-
-    def ray(self, d):
-        return d * self.unit[: self.n]
-
-    primal = ray
-
-    def certificate(self, y, Z):
-        return self.point(np.zeros(self.n), y, Z)[1:3]
+        x, y = x * self.unit[:n], y / self.unit[n : n + self.p]
+        return x, y, z[:rows].reshape(2, -1), z_box
 
     def guess(self, guess):
         """Return the scaled (x, y, Z) of a guess and which constraints are active."""

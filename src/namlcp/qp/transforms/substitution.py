@@ -70,31 +70,15 @@ class Substitution(NamedTuple):
         b, lb, ub = user.b[self.others], user.lb[kept], user.ub[kept]
         return QP(self.P, q, self.G, user.h, self.A, b, lb, ub)
 
-    def point(self, x, y, z, z_box):
-        user, x = self.user, self.primal(x)
-        y, z = self.certificate(y, z)
-        gradient = self.cost * x[self.columns] + user.q[self.columns]
-        y[self.by] = -gradient / self.pivot
-        full = np.zeros(user.q.size)
-        full[self.kept] = z_box
-        return Point(x, y, z, full)
-
-    def primal(self, x):
-        full = self.ray(x)
-        full[self.columns] += self.user.b[self.by] / self.pivot
-        return full
-
-    def certificate(self, y, z, *_):
-        """Return the user's (y, z) with y = 0 at the rows substituted."""
-        full = np.zeros(self.user.b.size)
-        full[self.others] = y
-        return full, z
-
-    def ray(self, d):
-        full = np.empty(self.user.q.size)
-        full[self.kept] = d
-        full[self.columns] = -times(self.rest, d) / self.pivot
-        return full
+    def point(self, x, y, z, z_box, data=1.0):
+        user, by, columns = self.user, self.by, self.columns
+        x_full, y_full, _, box = user.point()
+        x_full[self.kept], y_full[self.others], box[self.kept] = x, y, z_box
+        x_full[columns] = data * user.b[by] / self.pivot
+        x_full[columns] -= times(self.rest, x) / self.pivot
+        gradient = self.cost * x_full[columns] + data * user.q[columns]
+        y_full[by] = -gradient / self.pivot
+        return Point(x_full, y_full, z, box)
 
     def guess(self, guess):
         if not guess.x.size:
@@ -122,13 +106,13 @@ def substitute(qp, last=None, deadline=NEVER):
     deadline.check(PASS * qp.A.data.size)
     n, m, p = qp.q.size, qp.h.size, qp.b.size
     chosen, (pivot, cost, work) = np.empty(p, dtype=np.int32), np.empty((3, p))
-    if find_free_columns(qp, chosen, pivot, cost, work) == 0:
-        return None
-    if not (qp.lb <= qp.ub).all():
+    find_free_columns(qp, chosen, pivot, cost, work)
+    by = (chosen >= 0).nonzero()[0]
+    if not by.size or not (qp.lb <= qp.ub).all():
         return None
     deadline.check(PASS * qp.A.data.size)
-    by, others = (chosen >= 0).nonzero()[0], (chosen < 0).nonzero()[0]
-    columns, pivot, cost = chosen[by], pivot[by], cost[by]
+    others, columns = (chosen < 0).nonzero()[0], chosen[by]
+    pivot, cost = pivot[by], cost[by]
     stays = constant(n, True, np.bool_)
     stays[columns] = False
     kept = stays.nonzero()[0]
@@ -148,7 +132,7 @@ def substitute(qp, last=None, deadline=NEVER):
 
 
 def find_free_columns(qp, chosen, pivot, cost, largest):
-    """Choose free columns to substitute; return their number.
+    """Choose free columns to substitute.
 
     Free is a column without bounds (lb, ub) and without entries in G, with one entry in
     A and none in P but a diagonal one, p >= 0. Row i of A substitutes column chosen[i],
@@ -181,15 +165,15 @@ def find_free_columns(qp, chosen, pivot, cost, largest):
             chosen[i], pivot[i] = j, A.data[t]
             cost[i] = P.data[s] if s >= 0 else 0.0
             some = True
-    if not some:
-        return 0
-    for t in range(A.indptr[n]):
-        i = A.indices[t]
-        largest[i] = max(largest[i], fabs(A.data[t]))
-    for i in range(chosen.shape[0]):
-        if fabs(pivot[i]) < PIVOT * largest[i]:
-            chosen[i] = -1
-    return drop_filling_rows(cython.address(A), n, chosen, cost)
+    if some:
+        for t in range(A.indptr[n]):
+            i = A.indices[t]
+            largest[i] = max(largest[i], fabs(A.data[t]))
+        for i in range(chosen.shape[0]):
+            if fabs(pivot[i]) < PIVOT * largest[i]:
+                chosen[i], cost[i] = -1, 0.0
+        drop_filling_rows(cython.address(A), n, chosen, cost)
+    return 0
 
 
 def only_entry(C, j):
@@ -204,36 +188,27 @@ def only_entry(C, j):
 
 
 def drop_filling_rows(A, n, chosen, cost):
-    """Set chosen[i] = -1 where squares would fill P; return how many rows are left.
-
-    If the squares of all rows with p > 0 fill P, only the short ones of them are left.
-    """
+    """If the squares of all rows with p > 0 fill P, set chosen[i] = -1 in long ones."""
     rows = chosen.shape[0]
     count: cython.longlong[::1] = np.zeros(rows, np.longlong)
-    for t in range(A.indptr[n]):
-        count[A.indices[t]] += A.data[t] != 0.0
     lengths: cython.longlong = 0
     squares: cython.longlong = 0
     width: cython.longlong = 0
-    left: Py_ssize_t = 0
-    for i in range(rows):
-        if chosen[i] >= 0:
-            left += 1
-            if cost[i] > 0.0:
-                length = count[i] - 1
-                lengths += length
-                squares += length * length
-                width -= 1
     for j in range(n):
+        is_met: cython.bint = False
         for t in range(A.indptr[j], A.indptr[j + 1]):
-            i = A.indices[t]
-            if A.data[t] != 0.0 and chosen[i] >= 0 and cost[i] > 0.0:
-                width += 1
-                break
-    if min(squares, width * width) <= FILL * lengths + SMALL:
-        return left
+            if A.data[t] != 0.0 and cost[A.indices[t]] > 0.0:
+                count[A.indices[t]] += 1
+                is_met = True
+        width += is_met
     for i in range(rows):
-        if chosen[i] >= 0 and cost[i] > 0.0 and count[i] - 1 > SHORT:
-            chosen[i] = -1
-            left -= 1
-    return left
+        if cost[i] > 0.0:
+            length = count[i] - 1
+            lengths += length
+            squares += length * length
+            width -= 1  # the column that goes
+    if min(squares, width * width) > FILL * lengths + SMALL:
+        for i in range(rows):
+            if count[i] - 1 > SHORT:
+                chosen[i] = -1
+    return 0
