@@ -72,10 +72,8 @@ def nam_solve_problem(
     arguments = problem.unpack()
     try:
         tried = None
-        if options.is_plain:
-            is_cold = initvals is None and warm_start is None
-            data = arguments if is_cold else (*arguments, initvals, warm_start)
-            tried = solve_small(QPResult, options.settings, start, False, *data)
+        if options.is_plain and initvals is None and warm_start is None:
+            tried = solve_small(QPResult, options.settings, start, False, *arguments)
             if type(tried) is QPResult:
                 return solution(problem, tried)
         result = solve_arguments(

@@ -2,16 +2,15 @@
 
 `engine` has the method and its memory, `dense` and `sparse` the operators and a whole
 solve, `judgement` the point; `proximal` is for a P without a good factor, `null` for
-most variables at bounds. `solve` is the door from the user's arrays, `once` has the
-answer.
+most variables at bounds. `solve` is the door.
 """
 
-from namlcp.qp.active.once import solve_dense
 from namlcp.qp.active.solve import (
     MOST_ORDER,
     OUTCOMES,
     attach,
     factors_of,
+    solve_dense,
     solve_items,
     solve_small,
     step,

@@ -18,8 +18,15 @@ from namlcp.limits import Deadline
 from namlcp.options import DEFAULT_OPTIONS, Options
 from namlcp.outcome import ENDS, Outcome
 from namlcp.qp.active.engine import Code
-from namlcp.qp.active.once import answer_of, is_slow_anew, kept_for, renew
-from namlcp.qp.active.solve import solve, suggest, updated
+from namlcp.qp.active.solve import (
+    answer_of,
+    is_slow_anew,
+    kept_for,
+    renew,
+    solve,
+    suggest,
+    updated,
+)
 from namlcp.qp.convexity import check_convex
 from namlcp.qp.guess import NO_GUESS, Guess, make_guess
 from namlcp.qp.intake import qp_data
@@ -207,7 +214,7 @@ class QPSequence:
     def suggest(self, guess: Guess) -> None:
         """Let the next solve begin with the active rows of a guess."""
         if self.active_set is not None:
-            suggest(self.active_set, guess.active)
+            suggest(self.active_set, guess)
 
     def solve_by_active_set(self, start: float, is_tried: bool) -> Outcome | None:
         """Return the answer of what is kept, which may have tried; None if it fails."""
