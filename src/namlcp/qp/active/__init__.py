@@ -5,14 +5,4 @@ solve, `judgement` the point; `proximal` is for a P without a good factor, `null
 most variables at bounds. `solve` is the door.
 """
 
-from namlcp.qp.active.solve import (
-    MOST_ORDER,
-    OUTCOMES,
-    attach,
-    factors_of,
-    solve_dense,
-    solve_items,
-    solve_small,
-    step,
-    updated,
-)
+from namlcp.qp.active.solve import solve_dense, solve_small
