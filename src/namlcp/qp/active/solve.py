@@ -39,9 +39,8 @@ from cython.cimports.namlcp.qp.active.engine import (
     make_room,
     response_of,
 )
-from cython.cimports.namlcp.qp.active.judgement import are_within
 from cython.cimports.namlcp.qp.active.null import NullSpace
-from cython.cimports.namlcp.qp.active.proximal import NO_WEIGHT
+from cython.cimports.namlcp.qp.active.rounds import NO_WEIGHT, are_within
 from cython.cimports.namlcp.qp.active.sparse import SparseActiveSet
 from cython.cimports.namlcp.qp.intake import is_finite, is_side
 from cython.cimports.namlcp.result_base import (
