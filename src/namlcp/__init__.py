@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING, Any
 from namlcp.lcp import Prepared
 from namlcp.many import solve_many
 from namlcp.options import Options, Relaxation
-from namlcp.qp import NotConvex, OtherShape
+from namlcp.qp import NotConvex
 from namlcp.residuals import Residuals, natural_residual, qp_residuals
 from namlcp.results import BatchResult, ClosestPoint, LCPResult, QPResult
-from namlcp.solve import Solver, solve_batch, solve_lcp, solve_qp
+from namlcp.solve import OtherShape, Solver, solve_batch, solve_lcp, solve_qp
 from namlcp.status import Status
 from namlcp.theory import Verdict, converges, is_h_plus
 

@@ -244,7 +244,7 @@ def test_ctrl_c_ends_a_batch(mixed, monkeypatch):
         calls.append(1)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("namlcp.qp.sequences.batch.solve_checked", interrupt)
+    monkeypatch.setattr("namlcp.qp.batch.solve_checked", interrupt)
     with pytest.raises(KeyboardInterrupt):
         solve_batch(**stack(mixed), threads=2, time_limit=1e3)
     assert len(calls) <= 16

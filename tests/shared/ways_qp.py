@@ -15,8 +15,7 @@ from problems_qp import NO_GUESS, Options, dense, solve_sparse, sparse
 
 from namlcp import Solver, Status, solve_batch, solve_qp
 from namlcp.qp import make_guess, qp_data
-from namlcp.qp.active.once import answer_of, kept_for
-from namlcp.qp.active.solve import solve
+from namlcp.qp.active.solve import answer_of, kept_for, solve
 from namlcp.qp.judge import Judge
 
 INF = np.inf

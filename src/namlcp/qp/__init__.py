@@ -1,8 +1,16 @@
 """Convex QPs: the forms a solve chooses from, and what proves an answer."""
 
-from namlcp.qp.active import factors_of, solve_small, step
+from namlcp.qp.active import solve_small
 from namlcp.qp.active.dense import DenseActiveSet
 from namlcp.qp.active.engine import Code
+from namlcp.qp.batch import (
+    STATUSES,
+    Items,
+    available_cores,
+    chunks_of,
+    on_threads,
+    solve_items,
+)
 from namlcp.qp.closest import Face, Nearest
 from namlcp.qp.convexity import NotConvex
 from namlcp.qp.intake import qp_data, stamp_of
@@ -17,14 +25,4 @@ from namlcp.qp.problem import (
     qp_arrays,
 )
 from namlcp.qp.route import Memory, solve_checked
-from namlcp.qp.sequences import (
-    STATUSES,
-    Items,
-    OtherShape,
-    QPSequence,
-    available_cores,
-    chunks_of,
-    on_threads,
-    solve_items,
-)
 from namlcp.qp.transforms import equilibrate

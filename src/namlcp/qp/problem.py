@@ -243,7 +243,7 @@ def make_guess(qp: QP, x0: Any, warm_start: Any, name: str = "x0") -> Guess:
     z_box = parts[3] if np.size(parts[3]) else np.zeros(x.size)  # no bounds: empty
     z_box = vector("warm_start.z_box", z_box, x.size, "q", qp.q.shape)
     point = Point(x, y, z, z_box)
-    if not all(np.isfinite(v).all() for v in point):  # a certificate, not a point
+    if not np.isfinite(np.concatenate(point)).all():  # a certificate, not a point
         return NO_GUESS
     active = np.concatenate((z > 0.0, z_box < 0.0, z_box > 0.0))
     active &= np.isfinite(np.concatenate((qp.h, qp.lb, qp.ub)))

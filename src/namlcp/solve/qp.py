@@ -113,9 +113,9 @@ def solve_qp(
     if derivative is not False:
         check_flag("derivative", derivative)
     arguments, tried = (P, q, G, h, A, b, lb, ub), None
-    if not history and options.is_plain:
-        is_cold = x0 is None and warm_start is None  # two arguments take 40 ns
-        data = arguments if is_cold else (*arguments, x0, warm_start)
+    is_cold = x0 is None and warm_start is None
+    if options.is_plain and not history and (is_cold or type(warm_start) is QPResult):
+        data = arguments if is_cold else (*arguments, warm_start)
         tried = solve_small(QPResult, options.settings, start, derivative, *data)
         if type(tried) is QPResult:
             return tried
@@ -137,12 +137,18 @@ def solve_arguments(
 ) -> QPResult:
     """Solve the QP of arguments of any kind; `name` stands for x0 in messages.
 
-    `tried`: what `solve_small` returned if it failed, None if it was not called.
+    `tried`: what `solve_small` returned if it failed, None if it was not called, as
+    where a guess has to be made first.
     """
     P, _, G, _, A, *_ = arguments
     qp, given, guess, memory = qp_data(*arguments), (P, G, A), NO_GUESS, None
     if not (x0 is None and warm_start is None):
         guess = make_guess(qp, x0, warm_start, name)
+        if options.is_plain and not history and tried is None:
+            how = QPResult, options.settings, start, derivative
+            tried = solve_small(*how, *arguments, guess)
+            if type(tried) is QPResult:
+                return tried
     if tried is not None and tried.code not in RETRIED:
         memory = Memory()
         memory.dense_failed = True

@@ -1,17 +1,61 @@
-"""The public class `Solver`: one QP solved again and again."""
+"""The public class `Solver`: one QP solved again and again.
 
+The active-set method of `qp/active` is tried first: it keeps what it computes, and
+begins with the active constraints of the last solution. What it does not decide goes
+the way of `solve_qp`, which can use of the solves before what depends on matrices alone
+(transforms, orders, factors: `Memory`) and the last point that solved the problem
+(`Guess`). An answer SOLVED has been judged on the data as they are now, so it stands,
+however it was found; any other of the general solve is replaced by the answer of a
+solve without memory, which is the one of `solve_qp`.
+"""
+
+from math import inf
 from time import perf_counter
 from typing import Any
 
-from namlcp.options import check_flag
-from namlcp.qp import QPSequence, factors_of, make_guess, step
+import numpy as np
+from scipy.sparse import csc_array, issparse
+
+from namlcp.checks import as_sparse, from_arrays, matrix, real_array, refuse_view
+from namlcp.limits import Deadline
+from namlcp.linalg import as_dense
+from namlcp.options import DEFAULT_OPTIONS, Options, check_flag
+from namlcp.qp import NO_GUESS, QP, Guess, Memory, make_guess, qp_data, solve_checked
+from namlcp.qp.active import solve as active
+from namlcp.qp.active.engine import Code
+from namlcp.qp.convexity import check_convex
+from namlcp.qp.judge import Judge, are_own
+from namlcp.qp.route import is_small
 from namlcp.results import Public, QPResult, qp_result
-from namlcp.status import Status
+from namlcp.status import ENDS, Outcome, Status
 
 SOLVED = Status.SOLVED
+# What a copy shares and a pickle holds: arrays that never change.
+STATE = "matrices", "given", "is_own", "vectors", "options", "last"
+# Solves that are left to other methods without trying, after 0, 1, 2, ... were tried in
+# a row and left to these.
+PAUSES = 0, 0, 1, 3, 7, 15
+# Statuses that a solve without a start would not improve on.
+SETTLED = (SOLVED, Status.TIME_LIMIT)
 
 
-class Solver(QPSequence, metaclass=Public):
+class OtherShape(ValueError):
+    """A matrix has another shape or other places of entries than before.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import namlcp
+    >>> solver = namlcp.Solver(np.eye(2), np.zeros(2))
+    >>> try:
+    ...     solver.update(P=np.eye(3))
+    ... except namlcp.OtherShape:
+    ...     print("make another Solver")
+    make another Solver
+    """
+
+
+class Solver(metaclass=Public):
     """A convex QP that is solved again and again, with other vectors or values.
 
     ``minimise 1/2 x'Px + q'x  subject to  Gx <= h,  Ax = b,  lb <= x <= ub``
@@ -56,6 +100,137 @@ class Solver(QPSequence, metaclass=Public):
 
     PUBLIC = "solve", "update"
 
+    def __init__(
+        self,
+        P: Any,
+        q: Any,
+        G: Any = None,
+        h: Any = None,
+        A: Any = None,
+        b: Any = None,
+        lb: Any = None,
+        ub: Any = None,
+        **settings: Any,
+    ) -> None:
+        self.options = Options.from_names(settings) if settings else DEFAULT_OPTIONS
+        given = P, G, A = copied("P", P), copied("G", G), copied("A", A)
+        qp = qp_data(P, q, G, h, A, b, lb, ub)
+        check_convex(qp.P)
+        self.hold_matrices(qp, given)
+        self.vectors = qp.joined()  # replaced, never changed: results keep it
+        self.last: Any = None  # the last result that is a solution
+        self.begin()
+
+    @property
+    def qp(self) -> QP:
+        """The problem as it is now, checked."""
+        return QP.of(self.matrices, self.vectors)
+
+    def hold_matrices(self, qp: QP, given: tuple[Any, ...]) -> None:
+        """Take the matrices of a checked QP, `given` in the user's own storage."""
+        self.matrices = qp.P, qp.G, qp.A
+        self.given = tuple(  # the QP's own where they are stored alike
+            own if type(own) is csc_array and has_pattern_of(M, own) else M
+            for M, own in zip(given, self.matrices, strict=True)
+        )
+        self.is_own = are_own(self.given, qp)
+
+    def begin(self) -> None:
+        """Keep nothing of earlier solves but the last result."""
+        qp = self.qp
+        self.sizes = qp.q.size, qp.h.size, qp.b.size
+        self.memory = Memory(qp.P)
+        # What solves, see `qp.active`, None if that is nothing for these matrices;
+        # whether it has still to take new ones; whether it found `last`.
+        suits = not qp.is_dense or is_small(qp)
+        self.active_set: Any = active.kept_for(qp) if suits else None
+        self.is_renewed = self.is_current = False
+        # Solves that it has tried in a row and left to others; those that are left to
+        # these from now on without trying.
+        self.left, self.pause = 0, 0.0
+        self.is_whole = True  # not after an error in a solve
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: vars(self)[name] for name in STATE}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Keep nothing of another Solver's solves but its last result."""
+        vars(self).update(state)
+        self.begin()
+
+    def update(
+        self,
+        *,
+        q: Any = None,
+        h: Any = None,
+        b: Any = None,
+        lb: Any = None,
+        ub: Any = None,
+        P: Any = None,
+        G: Any = None,
+        A: Any = None,
+    ) -> None:
+        """Change arguments of the problem; what is None stays as it is.
+
+        An infinite entry of h, lb or ub means no constraint, and may become finite in a
+        later update. An entry of a sparse matrix may become zero, but those outside the
+        first pattern stay zeros.
+
+        Parameters
+        ----------
+        q, h, b, lb, ub : arrays, optional
+            As for `solve_qp`. They are copied.
+        P, G, A : arrays or sparse matrices, optional
+            The same, with other values. They are copied, and compared first: equal
+            ones cost little.
+
+        Raises
+        ------
+        ValueError, TypeError
+            An argument is malformed, of another size or pattern, or P is not positive
+            semidefinite. The problem then stays as it was.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from namlcp import Solver
+        >>> solver = Solver(np.eye(1), np.array([-4.0]), ub=np.array([3.0]))
+        >>> solver.update(P=2.0 * np.eye(1))
+        >>> solver.solve().x
+        array([2.])
+        """
+        vectors = active.updated(self.vectors, self.sizes, q, h, b, lb, ub)
+        if vectors is None:
+            changes = {"q": q, "h": h, "b": b, "lb": lb, "ub": ub}
+            new = {name: v for name, v in changes.items() if v is not None}
+            vectors = qp_data(**{**self.qp._asdict(), **new}).joined()
+        if not (P is None and G is None and A is None):
+            self.take_matrices({"P": P, "G": G, "A": A})
+        self.vectors = vectors
+
+    def take_matrices(self, changes: dict[str, Any]) -> None:
+        """Check and take those matrices that are new."""
+        given, kept = dict(zip("PGA", self.given, strict=True)), self.qp._asdict()
+        new = {}
+        for name, M in changes.items():
+            if M is not None and not is_unchanged(M, given[name]):
+                given[name] = copied(name, M)
+                new[name] = in_place_of(name, given[name], kept[name])
+        if not new:
+            return
+        qp = qp_data(*self.qp._replace(**new))
+        if not qp.is_dense:  # P + P' is stored without zeros
+            qp = qp._replace(P=within_pattern(qp.P, kept["P"]))
+        if "P" in new:
+            check_convex(qp.P)
+        self.hold_matrices(qp, tuple(given.values()))
+        self.memory.convex = qp.P
+        self.is_renewed, self.is_current = True, False
+        if self.pause == inf:  # the old ones were not suited
+            self.pause = 0.0
+        if self.active_set is not None and active.is_slow_anew(self.active_set):
+            self.pause = max(self.pause, 1.0)  # others are quicker with new ones
+
     def solve(self, warm_start: Any = None, derivative: bool = False) -> QPResult:
         """Solve the problem as it is now.
 
@@ -98,7 +273,7 @@ class Solver(QPSequence, metaclass=Public):
             if self.is_current and self.is_own and warm_start is None:
                 is_tried = True
                 problem = self.matrices, self.vectors, self.given
-                result = step(
+                result = active.step(
                     self.active_set, QPResult, self.vectors, problem,
                     self.options.settings, start,
                 )  # fmt: skip
@@ -106,7 +281,7 @@ class Solver(QPSequence, metaclass=Public):
                 qp, guess = self.qp, None
                 if warm_start is not None:
                     guess = make_guess(qp, None, warm_start)
-                answer = self.solve_with_care(guess, start, is_tried)
+                answer = self.solve_with_care(qp, guess, start, is_tried)
                 result = qp_result(answer, (qp, self.given), start, start)
             elif not derivative:
                 self.last = result
@@ -117,5 +292,138 @@ class Solver(QPSequence, metaclass=Public):
         if result.status is SOLVED:
             self.last = result
             if derivative and self.is_current and self.qp.is_dense:
-                result.factors = factors_of(self.active_set)
+                result.factors = active.factors_of(self.active_set)
         return result
+
+    def solve_with_care(
+        self, qp: QP, guess: Guess | None, start: float, is_tried: bool
+    ) -> Outcome:
+        """Return the answer of what is kept, of the general solve where that fails.
+
+        That is one from the guess or the last result, then one from nothing.
+        """
+        m, options, given, answer = self.active_set, self.options, self.given, None
+        self.is_current = False
+        if m is not None and guess is not None:
+            active.suggest(m, guess)
+        if m is not None and not options.verbose:
+            answer = self.solve_by_active_set(qp, start, is_tried)
+        if answer is not None:
+            return answer
+        if guess is None:
+            guess = make_guess(qp, None, self.last)
+        answer = solve_checked(qp, options, guess, start, None, self.memory, given)
+        if answer.status not in SETTLED and answer.closest is None:
+            answer = solve_checked(qp, options, NO_GUESS, start, given=given)
+        if m is not None and answer.status is SOLVED:
+            active.suggest(m, make_guess(qp, None, answer.point))
+        return answer
+
+    def solve_by_active_set(
+        self, qp: QP, start: float, is_tried: bool
+    ) -> Outcome | None:
+        """Return the answer of what is kept, which may have tried; None if it fails."""
+        m, options = self.active_set, self.options
+        deadline = Deadline(start + options.time_limit)
+        if not is_tried:
+            if self.pause > 0:
+                self.pause -= 1
+                return None
+            if self.is_renewed:  # not before: a pause goes on with other values
+                self.is_renewed = False
+                active.renew(m, qp)
+            active.solve(m, self.vectors, options.settings, deadline.at)
+        self.left = self.left + 1 if m.code == Code.STUCK else 0
+        self.pause = PAUSES[min(self.left, len(PAUSES) - 1)] if m.is_ready else inf
+        limits = options.limits(deadline)
+        answer = active.answer_of(m, Judge(qp, limits, self.given))
+        if answer is None or answer.status not in ENDS:
+            return None
+        if options.relaxation and answer.status is Status.PRIMAL_INFEASIBLE:
+            return None  # the general solve finds the closest point
+        self.is_current = answer.status is SOLVED
+        return answer
+
+
+# ---- matrices with new values in the storage and the pattern of old ones
+
+
+def copied(name: str, M: Any) -> Any:
+    """Return a user's matrix, in its own order, as one that nobody else has."""
+    if M is None or issparse(M):
+        return M if M is None else M.copy()
+    refuse_view(name, M)
+    return np.array(M if type(M) is np.ndarray else real_array(name, M))
+
+
+def is_unchanged(new: Any, old: Any) -> bool:
+    """Tell whether two matrices are stored alike and equal in every entry."""
+    if isinstance(new, np.ndarray):
+        return type(new) is type(old) and are_equal(new, old)
+    if not issparse(new) or new.format not in ("csc", "csr"):
+        return False
+    return has_pattern_of(new, old) and are_equal(new.data, old.data)
+
+
+def has_pattern_of(new: Any, old: Any) -> bool:
+    """Tell whether two sparse matrices are stored alike, entry after entry."""
+    return (
+        type(new) is type(old)
+        and new.shape == old.shape
+        and are_equal(new.indptr, old.indptr)
+        and are_equal(new.indices, old.indices)
+    )
+
+
+def are_equal(v: np.ndarray, w: np.ndarray) -> bool:
+    """Return np.array_equal(v, w), of short vectors in a fifth of its time."""
+    return v is w or (v.shape == w.shape and np.count_nonzero(v == w) == v.size)
+
+
+def in_place_of(name: str, value: Any, kept: Any) -> Any:
+    """Return a user's matrix checked, as `kept` is stored: dense, or in its pattern.
+
+    Entries that the pattern has and the user's matrix has not are zeros. Raises
+    OtherShape where the shapes differ, or an entry lies outside the pattern.
+    """
+    new = matrix(name, value, "csc")
+    if new.shape != kept.shape:
+        raise OtherShape(
+            f"{name} must have shape {kept.shape} as before, got {new.shape}: "
+            "make a new Solver for a problem of another size"
+        )
+    if type(kept) is np.ndarray:
+        return new if type(new) is np.ndarray else as_dense(new)
+    found = within_pattern(as_sparse(new), kept)
+    if found is None:
+        raise OtherShape(
+            f"{name} must have no entries outside the pattern of the first {name}: "
+            "make a new Solver, or store zeros there from the start"
+        )
+    return found
+
+
+def within_pattern(new: Any, kept: Any) -> Any:
+    """Return a matrix with the pattern of `kept` and the entries of `new`, both CSC.
+
+    It is `new` itself where the patterns are equal, and None where `new` has an entry
+    outside the pattern.
+    """
+    if has_pattern_of(new, kept):
+        return new
+    wanted, present = places(kept), places(new)
+    position = np.searchsorted(wanted, present)
+    inside = position < wanted.size
+    inside[inside] = wanted[position[inside]] == present[inside]
+    if new.data[~inside].any():
+        return None
+    data = np.zeros(kept.data.size)
+    data[position[inside]] = new.data[inside]
+    return from_arrays((kept.indptr, kept.indices, data), kept.shape)
+
+
+def places(C: Any) -> np.ndarray:
+    """Return row + rows * column for each entry of a CSC matrix, which ascends."""
+    rows, columns = C.shape
+    column = np.repeat(np.arange(columns), np.diff(C.indptr))
+    return C.indices + rows * column

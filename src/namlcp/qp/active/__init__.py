@@ -1,19 +1,8 @@
 """QPs by a dual active-set method, compiled: a dual Schur-complement method.
 
-`engine` has the method and its memory, `dense` and `sparse` the operators and a whole
-solve, `judgement` the point; `proximal` is for a P without a good factor, `null` for
-most variables at bounds. `solve` is the door from the user's arrays, `once` has the
-answer.
+`engine` has the pivots and the memory, `rounds` a whole solve and the refined point,
+`dense` and `sparse` the operators, `null` another form for most variables at bounds.
+`solve` is the door.
 """
 
-from namlcp.qp.active.once import solve_dense
-from namlcp.qp.active.solve import (
-    MOST_ORDER,
-    OUTCOMES,
-    attach,
-    factors_of,
-    solve_items,
-    solve_small,
-    step,
-    updated,
-)
+from namlcp.qp.active.solve import solve_dense, solve_small

@@ -14,7 +14,7 @@ cdef class DenseActiveSet(ActiveSet):
 
 
 cdef double PSD_SLACK, MOST_SPREAD, ROUNDING_UNIT, DEPENDENT_EQUATION, FIXED
-cdef double CONTRADICTED, LEFT, LESS_RHO, MORE_RHO
+cdef double CONTRADICTED, LESS_RHO, MORE_RHO
 cdef enum:
     MOST_EQUATIONS = 2
     MOST_ROWS = 2
@@ -24,7 +24,6 @@ cdef bint set_up(DenseActiveSet m) noexcept nogil
 cdef bint is_sound(DenseActiveSet m) noexcept nogil
 cdef double copy_cost(DenseActiveSet m, double slack) noexcept nogil
 cdef bint has_factor(DenseActiveSet m) noexcept nogil
-cdef bint is_semidefinite(DenseActiveSet m) noexcept nogil
 cdef bint factor_cost(DenseActiveSet m) noexcept nogil
 cdef bint factor_weighted(DenseActiveSet m) noexcept nogil
 cdef double reach_of(const double* row, const double* shape, Py_ssize_t n) noexcept nogil
@@ -34,5 +33,4 @@ cdef void prepare(DenseActiveSet m) noexcept nogil
 cdef Code solve_anew(DenseActiveSet m, double wanted) noexcept nogil
 cdef Code solve_dense(DenseActiveSet m) noexcept nogil
 cdef Code proved(DenseActiveSet m, Code found) noexcept nogil
-cdef Py_ssize_t worst_equation(DenseActiveSet m, const double* x, double limit) noexcept nogil
 cdef bint contradicts_equations(DenseActiveSet m) noexcept nogil

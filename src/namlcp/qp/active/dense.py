@@ -11,7 +11,7 @@ Algorithms, 2nd ed., chapter 14). An equation that depends on those before it ha
 multiplier 0.
 
 In place of a P without a good factor is P + W, with W, and the QP is solved as in
-`proximal`.
+`rounds`.
 """
 
 import cython
@@ -40,9 +40,7 @@ from cython.cimports.namlcp.linalg.vectors import (
 )
 from cython.cimports.namlcp.qp.active.engine import (
     CONTRADICTION,
-    DONE,
     STUCK,
-    SUMMED,
     UNBOUNDED,
     UNPROVED,
     UNSUITED,
@@ -53,10 +51,10 @@ from cython.cimports.namlcp.qp.active.engine import (
     reals,
     set_base_values,
 )
-from cython.cimports.namlcp.qp.active.judgement import is_faulty
-from cython.cimports.namlcp.qp.active.proximal import (
+from cython.cimports.namlcp.qp.active.rounds import (
     NO_WEIGHT,
     RHO,
+    is_faulty,
     refine_contradiction,
     set_shape,
     solve_at_hand,
@@ -83,11 +81,9 @@ DEPENDENT_EQUATION = 1e-11
 # Curvature of a row of norm 1, over the largest entry of P^-1, up to which the
 # equations fix the row: rounding errors for the largest spread are smaller.
 FIXED = 1e-12
-# Residual of a dependent equation over its terms from which on it contradicts others,
-# and the one up to which one that was left out is called dependent.
-CONTRADICTED, LEFT = 1e-9, 1e-11
-# Other values of m.wanted: where too many rounds were needed, and where rounding errors
-# were too large.
+# Residual of a dependent equation over its terms from which on it contradicts others.
+CONTRADICTED = 1e-9
+# Other values of m.wanted, see `decide`.
 LESS_RHO, MORE_RHO = 1e-2 * RHO, 1e2 * RHO
 # MOST_EQUATIONS: most equations for a variable, and for two more. MOST_ROWS: most rows
 # for a variable for which responses are made before they are asked for, if more than
@@ -144,9 +140,10 @@ class DenseActiveSet(ActiveSet):
         times_rows(self.P, self.n, self.n, self.n, x, Px)
 
     def decide(self):
-        """Solve the QP at hand, if need be with another W, see `proximal`.
+        """Solve the QP at hand, if need be with another W, see `rounds`.
 
-        Without W, rounding errors are to blame; with W, these or too many rounds.
+        A small W leaves little to the passes; where rows seem to contradict each other
+        by rounding, it is too small.
         """
         are_hinted: cython.bint = self.hints > 0
         found = proved(self, solve_dense(self))
@@ -156,10 +153,7 @@ class DenseActiveSet(ActiveSet):
             return found
         if self.pivots > self.max_iter or self.operations > self.most_operations:
             return found
-        # Where P is definite, a small W leaves little to the passes; where rows seem to
-        # contradict each other by rounding, it is too small.
-        is_long: cython.bint = found == STUCK and (self.rho == 0.0 or self.rounds > 1)
-        return solve_anew(self, LESS_RHO if is_long else MORE_RHO)
+        return solve_anew(self, LESS_RHO if found == STUCK else MORE_RHO)
 
 
 # ---- the factors
@@ -222,20 +216,6 @@ def has_factor(m):
     return factor_in_place(m.factor, m.n, 0.0) == 0
 
 
-def is_semidefinite(m):
-    """Tell whether P is positive semidefinite; overwrites m.factor."""
-    n = m.n
-    m.largest = copy_cost(m, PSD_SLACK)
-    for i in range(n):
-        if m.P[i * n + i] < 0.0:
-            return False
-    if m.largest == 0.0:  # then P must be 0
-        return largest_entry(m.P, n * n) == 0.0
-    for i in range(n):  # else an empty row has the pivot 0
-        m.factor[i * n + i] += ROUNDING_UNIT * m.largest
-    return has_factor(m)
-
-
 def factor_cost(m):
     """Factor P; False where it has no good factor, as the pivots differ too much."""
     n, low, high = m.n, INFINITY, 0.0
@@ -251,10 +231,17 @@ def factor_cost(m):
 def factor_weighted(m):
     """Factor P + W; False where P is not semidefinite, or W is too small."""
     n = m.n
-    if not is_semidefinite(m):
-        return False
+    m.largest = copy_cost(m, PSD_SLACK)
     for i in range(n):
         m.shape[i] = m.P[i * n + i]
+        if m.shape[i] < 0.0:
+            return False
+        m.factor[i * n + i] += ROUNDING_UNIT * m.largest  # else an empty row has 0
+    if m.largest == 0.0:  # then P must be 0
+        if largest_entry(m.P, n * n) > 0.0:
+            return False
+    elif not has_factor(m):
+        return False
     set_shape(m)
     for i in range(m.m):
         m.scale[i] = reach_of(m.G + i * n, m.shape, n)
@@ -378,11 +365,7 @@ def solve_dense(m):
         return UNSUITED
     if m.skipped > 0 and contradicts_equations(m):
         return CONTRADICTION
-    found = solve_at_hand(m)
-    if m.skipped > 0 and (found == DONE or found == SUMMED):
-        if worst_equation(m, m.x, LEFT) >= 0:
-            return UNSUITED  # what was left out depends on others but for a small part
-    return found
+    return solve_at_hand(m)
 
 
 def proved(m, found):
@@ -417,38 +400,30 @@ def proved(m, found):
     return found if done else UNPROVED
 
 
-def worst_equation(m, x, limit):
-    """Return the equation with the largest residual over its terms, above `limit`.
+def contradicts_equations(m):
+    """Tell whether a dependent equation contradicts the others: y is the candidate.
 
-    -1 if there is none.
+    It contradicts them where the solution of these violates it.
     """
+    x = m.s + m.m
     at: Py_ssize_t = -1
+    worst: cython.double = CONTRADICTED
+    fill(m.rhs, 0.0, m.n)
+    copy(m.b, m.rhs + m.n, m.p)
+    m.set_values(m.rhs, m.s)
     for i in range(m.p):
         row = m.A + i * m.n
         rest, size = -m.b[i], fabs(m.b[i])
         for j in range(m.n):
             rest += row[j] * x[j]
             size += fabs(row[j] * x[j])
-        if fabs(rest) > limit * size:
-            limit, at = fabs(rest) / size, i
-    return at
-
-
-def contradicts_equations(m):
-    """Tell whether a dependent equation contradicts the others: y is the candidate.
-
-    It contradicts them where the solution of these violates it.
-    """
-    fill(m.rhs, 0.0, m.n)
-    copy(m.b, m.rhs + m.n, m.p)
-    m.set_values(m.rhs, m.s)
-    at = worst_equation(m, m.s + m.m, CONTRADICTED)
+        if fabs(rest) > worst * size:
+            worst, at = fabs(rest) / size, i
     if at < 0:
         return False
-    copy(m.s + m.m, m.x, m.n)
+    copy(x, m.x, m.n)
     fill(m.y, 0.0, m.p)
     fill(m.z, 0.0, m.m)
-    fill(m.z_box, 0.0, m.n)
     m.y[at] = 1.0
     k, m.k, m.entering = m.k, 0, -1
     refine_contradiction(m)

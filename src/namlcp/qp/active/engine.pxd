@@ -7,7 +7,6 @@ cdef Py_ssize_t USUAL
 
 cdef enum:
     MOST_NUMBERS = 8_000_000
-    MOST_PIVOTS = 10
     GROWN = 3
     MOST_SORTED = 64
 
@@ -57,7 +56,7 @@ cdef class ActiveSet(Watched):
         # Products of the point; right-hand sides; the change of a refinement; the best
         # values and multipliers before it.
         double *Px, *Gx, *Ax, *Gtz, *Aty, *rhs, *change, *best, *best_multiplier
-        # Of `proximal`: W, what it is made of; the centre of a round; the
+        # Of `rounds`: W, what it is made of; the centre of a round; the
         # direction of conjugate gradients with the values of rows, and P times it.
         double *weight, *shape, *reach, *centre, *along, *Palong
         # rho in W, 0 without W; what it is to be over that of the data, 0 for W only
@@ -122,7 +121,6 @@ cdef void subtract_active(ActiveSet m, double* values) noexcept nogil
 cdef void hold_active(ActiveSet m, double* values) noexcept nogil
 cdef double rest_of(ActiveSet m, Py_ssize_t row) noexcept nogil
 cdef bint is_independent(ActiveSet m, Py_ssize_t row, double rest, double limit) noexcept nogil
-cdef Py_ssize_t most_independent(ActiveSet m) noexcept nogil
 cdef void insert_place(ActiveSet m, Py_ssize_t at, Py_ssize_t row, Py_ssize_t side, double multiplier) noexcept nogil
 cdef void remove_place(ActiveSet m, Py_ssize_t i) noexcept nogil
 cdef void set_base_values(ActiveSet m) noexcept nogil

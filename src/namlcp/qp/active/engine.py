@@ -45,16 +45,15 @@ DEPENDENT, DEPENDENT_HINT = 1e-11, 1e-6
 # Violations over the moduli of their terms up to which they count as rounding at first.
 # This `level` grows tenfold where a violation below NOISE * level contradicts the
 # active rows; above MOST_ROUNDING the method gives up. The larger numbers are those of
-# the rounds of `proximal`, whose base point is far away.
+# the `rounds` for a P without a factor, whose base point is far away.
 VIOLATION_ROUNDING, NOISE, MOST_ROUNDING = 1e-13, 1e3, 1e-9
 ROUND_ROUNDING, MOST_ROUND_ROUNDING = 1e-12, 1e-7
 # Rounding of s over the largest entry of s0 from which it was subtracted: what is left
 # at a vertex x = 0. Rows that are active are allowed `level` of it.
 BASE_ROUNDING = 4e-16
 # MOST_NUMBERS: most numbers that all responses may take, 64 MB; there are no more
-# active rows. MOST_PIVOTS: pivots at most, per row and variable; another method is
-# safer for a QP that needs more. A limit of USUAL is not the user's choice, and is
-# exceeded up to GROWN per row and variable; see also m.most_operations.
+# active rows. A limit of USUAL pivots is not the user's choice, and is exceeded up to
+# GROWN per row and variable; see also m.most_operations.
 # MOST_SORTED: most active rows for which L is computed anew at the end, which takes
 # k^3 / 6 operations.
 
@@ -345,16 +344,14 @@ def rest_of(m, row):
 
 
 def is_independent(m, row, rest, limit):
-    """Tell whether a row with this `rest_of` can join equations and active rows."""
+    """Tell whether a row with this `rest_of` can join equations and active rows.
+
+    No more can than the rank of the equations leaves.
+    """
     scale, whole = m.scale[row], response_of(m, row)[row]
-    if m.k == m.most or m.k >= most_independent(m):
+    if m.k == m.most or m.k >= m.n - m.p + m.skipped:
         return False
     return rest > limit * whole and rest * scale * scale > m.least_curvature
-
-
-def most_independent(m):
-    """Return how many rows may be active, for the rank of the equations."""
-    return m.n - m.p + m.skipped
 
 
 def insert_place(m, at, row, side, multiplier):
@@ -510,15 +507,12 @@ def pivot(m):
                 return DONE
             m.pivots += 1
             most = max(USUAL, GROWN * m.rows) if m.max_iter == USUAL else m.max_iter
-            if m.pivots > min(most, MOST_PIVOTS * (m.rows + 1)):
+            if m.pivots > most:
                 return STUCK
         operations = (m.k + 2) * (m.length + m.k)
         if is_over(m, operations):
             return LATE
         m.operations += operations
-        is_full: cython.bint = m.k == m.most
-        if is_full and m.k < min(most_independent(m), m.rows):
-            return STUCK
         if m.operations > m.most_operations:
             return STUCK
         found = step(m)

@@ -1,6 +1,7 @@
 from namlcp.limits cimport Settings
 from namlcp.qp.active.dense cimport DenseActiveSet
 from namlcp.qp.active.engine cimport ActiveSet
+from namlcp.result_base cimport ResultBase
 
 cpdef enum:
     MOST_ORDER = 500
@@ -10,9 +11,10 @@ cpdef enum:
     FEW_ENTRIES = 10_000
     FULL = 30
     TINY_ENTRIES = 6000
+    MOST_LENGTH = 20_000
 
 cdef object SOLVED, DUAL, clock
-cdef double FEW_OPERATIONS, PASSES, OF_COST, OF_ROWS, ACTIVE
+cdef double FEW_OPERATIONS, PASSES, OF_COST, OF_ROWS, MOST_ANEW
 
 cdef Py_ssize_t filled(const double* values, Py_ssize_t count) noexcept nogil
 cdef void take_settings(ActiveSet m, Settings settings, double until)
@@ -27,9 +29,7 @@ cdef bint is_certain(DenseActiveSet m) noexcept nogil
 cdef double norm(const double* v, Py_ssize_t n) noexcept nogil
 cdef unsigned long long stamp_of(DenseActiveSet m, tuple matrices)
 cdef void suggest_signs(ActiveSet m, const double* z, const double* z_box) noexcept
-cdef bint suggest_point(DenseActiveSet m, object x0)
-cdef bint is_met(double side, double value) noexcept
-cdef bint suggest_solution(DenseActiveSet m, object point)
+cdef bint has_sizes(ResultBase result, ActiveSet m)
 cdef bint is_vector(object value, Py_ssize_t size)
 cdef void place_of_vectors(ActiveSet m, object vectors)
 cdef bint put(object value, double* place, Py_ssize_t size, double sign)

@@ -1,9 +1,10 @@
-"""The door to the active-set method: from the user's arrays to a result, and back.
+"""The door to the active-set method: from arrays to a result, or an `Outcome`.
 
-`solve_small` is for one dense QP as it comes from the user. `attach` and `solve` serve
-those who keep the object, which holds what a solve leaves for the next one: factors,
-responses, and the active rows to begin with. What it returns depends on
-the data alone, not on the solves before, up to the rounding errors of degenerate QPs.
+`solve_small` is for one QP as it comes from the user, `solve_dense` for one on the
+`route`, `solve_items` for a batch. `kept_for`, `solve` and `step` serve those who keep
+the object, which holds what a solve leaves for the next one: factors, responses, and
+the active rows to begin with. What it returns depends on the data alone, not on the
+solves before, up to the rounding errors of degenerate QPs.
 """
 
 from time import perf_counter
@@ -12,7 +13,7 @@ import cython
 import numpy as np
 from cython import Py_ssize_t
 from cython.cimports import numpy as cnp
-from cython.cimports.libc.math import INFINITY, fabs, sqrt
+from cython.cimports.libc.math import INFINITY, sqrt
 from cython.cimports.namlcp.limits import Settings
 from cython.cimports.namlcp.linalg.arrays import (
     NO_ENTRIES,
@@ -29,6 +30,8 @@ from cython.cimports.namlcp.qp.active.dense import DenseActiveSet
 from cython.cimports.namlcp.qp.active.engine import (
     CONTRADICTION,
     DONE,
+    LATE,
+    SUMMED,
     UNBOUNDED,
     claim_place,
     forget_responses,
@@ -36,9 +39,9 @@ from cython.cimports.namlcp.qp.active.engine import (
     make_room,
     response_of,
 )
-from cython.cimports.namlcp.qp.active.judgement import are_within
 from cython.cimports.namlcp.qp.active.null import NullSpace
-from cython.cimports.namlcp.qp.active.proximal import NO_WEIGHT
+from cython.cimports.namlcp.qp.active.rounds import NO_WEIGHT, are_within
+from cython.cimports.namlcp.qp.active.sparse import SparseActiveSet
 from cython.cimports.namlcp.qp.intake import is_finite, is_side
 from cython.cimports.namlcp.result_base import (
     Numbers,
@@ -49,7 +52,8 @@ from cython.cimports.namlcp.result_base import (
 from cython.cimports.namlcp.watch import begin_watch, raise_kept
 from scipy.sparse import csc_array, csc_matrix
 
-from namlcp.qp import problem
+from namlcp.options import DEFAULT_OPTIONS
+from namlcp.qp.problem import Point
 from namlcp.status import Status
 
 cnp.import_array()
@@ -74,8 +78,10 @@ OUTCOMES = {
 # as take its time: FEW, and for each entry of P, G and A that is not zero PASSES, and
 # for each variable OF_COST more where it is one of P, OF_ROWS where it is one of a row.
 FEW_OPERATIONS, PASSES, OF_COST, OF_ROWS = 1e7, 200.0, 0.5, 2.0
-# Largest slack of a row that counts as active at a point, relative.
-ACTIVE = problem.ACTIVE
+# Operations of what is made anew, over those from which on a method gives up.
+MOST_ANEW = 0.2
+# MOST_LENGTH: most variables, rows and equations of a sparse QP together, as a response
+# to a row has so many entries.
 
 
 def filled(values, count):
@@ -152,15 +158,13 @@ def height_of(C, d, n):
 
 
 def solve_small(
-    kind, settings: Settings, start, keeps, P, q, G, h, A, b, lb, ub, x0=None,
-    warm_start=None,
-):  # fmt: skip
+    kind, settings: Settings, start, keeps, P, q, G, h, A, b, lb, ub, first=None
+):
     """Solve a small QP whose arguments are clean; None where they are not.
 
     P, G and A are dense, or in CSC and tiny, zeros included. Returns its result, of a
     class derived from `ResultBase`, or the `DenseActiveSet` that has tried in vain.
-    keeps: let the result have the factors. x0 or warm_start: a point to begin with, see
-    `make_guess`.
+    keeps: let the result have the factors. first: a `Guess` or a result to begin with.
     """
     if not fits(q, 1):
         return None
@@ -198,11 +202,14 @@ def solve_small(
     m.lb = bound_at(lb, m.no_bound, n, -INFINITY)
     m.ub = bound_at(ub, m.no_bound + n, n, INFINITY)
     take_settings(m, settings, start + settings.time_limit)
-    if warm_start is not None:
-        if not suggest_solution(m, warm_start):
+    if isinstance(first, ResultBase):
+        last: ResultBase = first
+        if not has_sizes(last, m):
             return None
-    elif x0 is not None and not suggest_point(m, x0):
-        return None
+        if is_finite(last.x):  # else it is a certificate
+            suggest_signs(m, data_of(last.z), data_of(last.z_box))
+    elif first is not None:
+        suggest(m, first)
     ready: cython.double = clock()
     run(m)
     if m.code != DONE and m.code not in OUTCOMES:
@@ -293,23 +300,112 @@ def bound_at(side, place, n, value):
     return place
 
 
+# ---- a QP on the route
+
+
+def solve_dense(qp, chain, guess, judge, memory=None):
+    """Solve a QP in dense form; None where another method has to, or a number is bad.
+
+    chain: the way from the user's QP to this one.
+    """
+    limits, own = judge.limits, qp.in_dense_form()
+    most = limits.max_iter or DEFAULT_OPTIONS.max_iter
+    settings = Settings(limits.eps_abs, limits.eps_rel, most, 0.0)
+    m: DenseActiveSet = DenseActiveSet.__new__(DenseActiveSet)
+    attach(m, own.P, own.G, own.A, True)
+    suggest(m, guess)
+    solve(m, own.joined(), settings, limits.deadline.at)
+    if own is not judge.qp:
+        return answer_of(m, judge, chain)
+    answer = answer_of(m, judge)
+    if answer is not None and answer.status is SOLVED:
+        answer = answer._replace(factors=factors_of(m))
+    return answer
+
+
+def answer_of(m: ActiveSet, judge, chain=None):
+    """Return the answer after a solve, None for other methods.
+
+    chain: the way from the judge's QP to that of m, None where it is the same.
+    """
+    point, is_contradiction = Point(*m.point), m.code == CONTRADICTION
+    if m.code == DONE or m.code == SUMMED or m.code == LATE:
+        if chain is not None:
+            judge.offer(chain.point(*point))
+        else:
+            judge.measure(point, residuals_of(m.found) if m.code == DONE else None)
+        if m.code == LATE:
+            return judge.answer(Status.TIME_LIMIT, m.pivots, DUAL)
+        return judge.answer(SOLVED, m.pivots, DUAL) if judge.is_solved else None
+    if m.code not in OUTCOMES:
+        return None
+    x, y, z, z_box = point
+    if isinstance(m, SparseActiveSet):  # leaves candidates: y and z, or a ray in z_box
+        if is_contradiction:
+            accepted = judge.accept_multipliers(x, y, z)
+        else:
+            accepted = judge.accept_ray(z_box, point)
+    elif chain is None:  # it passed on the same arrays
+        accepted = judge.keep(OUTCOMES[m.code], (point, residuals_of(m.found)))
+    else:
+        zero = Point(*map(np.zeros_like, point))
+        if is_contradiction:
+            proof = chain.point(*zero._replace(y=y, z=z), data=0.0)
+            near = chain.point(*zero)
+            accepted = judge.accept_multipliers(near.x, proof.y, proof.z)
+        else:
+            accepted = judge.accept_ray(chain.point(*zero._replace(x=x), data=0.0).x)
+    return judge.answer(OUTCOMES[m.code], m.pivots, DUAL) if accepted else None
+
+
 # ---- those who keep the object
 
 
-def suggest(m: ActiveSet, active):
-    """Begin the next solve with rows that are probably active, as `Guess` has them."""
+def kept_for(qp):
+    """Return a `NullSpace` or `SparseActiveSet` for these matrices, None for neither.
+
+    None where they are sparse, and so large or full that other methods are quicker. It
+    holds their arrays, which must not change, and is for one thread.
+    """
+    n, p = qp.q.size, qp.b.size
+    if not qp.is_dense and (p > n or n + qp.h.size + p > MOST_LENGTH):
+        return None
+    m = NullSpace() if qp.is_dense else SparseActiveSet()
+    renew(m, qp)
+    return m if qp.is_dense or m.is_ready else None
+
+
+def renew(m, qp):
+    """Take other matrices of the same sizes; the active rows become a hint."""
+    if qp.is_dense:
+        attach(m, qp.P, qp.G, qp.A, False)
+    else:
+        m.attach(qp.P, qp.G, qp.A)
+
+
+def is_slow_anew(m: ActiveSet):
+    """Tell whether others are quicker after `renew`: all active rows need responses."""
+    if not isinstance(m, SparseActiveSet) or m.is_slow_anew:
+        return m.is_slow_anew
+    k = m.k + m.hints
+    cost = cython.cast(SparseActiveSet, m).response_operations
+    return k * cost + k**3 / 3 > MOST_ANEW * m.most_operations
+
+
+def suggest(m: ActiveSet, guess):
+    """Begin the next solve with the rows that are active in a `Guess`."""
     rows, last = m.m, m.rows
-    signs = np.zeros(last)
-    if active.size > 0:
-        signs[:] = active[:last]
-        signs[rows:] = np.where(active[rows:last], -1.0, active[last:])
-    suggest_signs(m, data_of(signs), data_of(signs) + rows)
+    marks = np.zeros(last)
+    if guess.active.size > 0:
+        marks[:] = guess.active[:last]
+        marks[rows:] = np.where(guess.active[rows:last], -1.0, guess.active[last:])
+    suggest_signs(m, data_of(marks), data_of(marks) + rows)
 
 
 def suggest_signs(m, z, z_box):
     """Begin the next solve with the rows whose multipliers have these signs.
 
-    None are noted if there are too many of them.
+    With none if there are too many of them.
     """
     forget_rows(m)
     for row in range(m.rows):
@@ -322,43 +418,14 @@ def suggest_signs(m, z, z_box):
             m.hints += 1
 
 
-def suggest_point(m, x0):
-    """Begin with the rows that hold with equality at x0; False if it is no point."""
-    n, rows, signs = m.n, m.m, m.s
-    if not (is_vector(x0, n) and is_finite(x0)):
-        return False
-    x = data_of(x0)
-    for i in range(rows):
-        signs[i] = is_met(m.h[i], dot(m.G + i * n, x, n))
-    for j in range(n):
-        signs[rows + j] = -1.0 if is_met(m.lb[j], x[j]) else is_met(m.ub[j], x[j])
-    suggest_signs(m, signs, signs + rows)
-    return True
-
-
-def is_met(side, value):
-    """Tell whether a finite side is reached, as `make_guess` has it."""
-    return fabs(side) < INFINITY and fabs(side - value) <= ACTIVE * (1.0 + fabs(side))
-
-
-def suggest_solution(m, point):
-    """Begin with the rows that have multipliers in a solution; False if it is none.
-
-    With none where the solution has no point, or a certificate.
-    """
-    x, y = getattr(point, "x", m), getattr(point, "y", m)
-    z, z_box = getattr(point, "z", m), getattr(point, "z_box", m)
-    if x is None or y is None or z is None or z_box is None:
-        return True
-    if is_vector(z_box, 0):
-        z_box = np.zeros(m.n)
-    if not (is_vector(x, m.n) and is_vector(y, m.p)):
-        return False
-    if not (is_vector(z, m.m) and is_vector(z_box, m.n)):
-        return False
-    if is_finite(x) and is_finite(y) and is_finite(z) and is_finite(z_box):
-        suggest_signs(m, data_of(z), data_of(z_box))
-    return True
+def has_sizes(result, m):
+    """Tell whether a result is one of a QP of the sizes of m."""
+    return (
+        is_vector(result.x, m.n)
+        and is_vector(result.y, m.p)
+        and is_vector(result.z, m.m)
+        and is_vector(result.z_box, m.n)
+    )
 
 
 def is_vector(value, size):
@@ -523,7 +590,3 @@ def stamp_of(m, matrices):
     total = hash_of(m.b, m.p, total)
     total = hash_of(m.lb, n, total)
     return hash_of(m.ub, n, total)
-
-
-def residuals_found(m: ActiveSet):
-    return residuals_of(m.found)

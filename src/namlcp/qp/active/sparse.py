@@ -10,7 +10,7 @@ pivoting. A solve with K is a solve with K~ and `passes` of iterative refinement
 held by its upper triangle in CSC, as in `qp.kkt`: column n + i is row i of A, and the
 diagonal is the last entry of a column. G is held by rows.
 
-Where P and A together do not determine x, P + W takes the place of P, see `proximal`.
+Where P and A together do not determine x, P + W takes the place of P, see `rounds`.
 """
 
 import cython
@@ -29,8 +29,8 @@ from cython.cimports.namlcp.qp.active.engine import (
     make_room,
     reals,
 )
-from cython.cimports.namlcp.qp.active.judgement import is_faulty
-from cython.cimports.namlcp.qp.active.proximal import (
+from cython.cimports.namlcp.qp.active.rounds import (
+    is_faulty,
     set_shape,
     solve_at_hand,
     wanted_rho,

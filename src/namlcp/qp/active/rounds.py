@@ -1,7 +1,12 @@
-"""QPs whose P has no good factor: proximal rounds, and faces within them.
+"""A whole solve: pivots, and the point refined; proximal rounds for a P without factor.
 
-With P + W in place of P, W = rho D, the base problem has a factor. A
-round with the centre c, at first 0,
+The point of the active rows is measured as the user sees it: by the one definition of
+the residuals (see `namlcp.residuals`), on the arguments as given. Refinement is
+iterative, with these residuals and the operators at hand, from the point that `finish`
+computed: like that, it depends on the active rows alone.
+
+Where P has no good factor, the base problem has one with P + W in its place, W = rho D.
+A round with the centre c, at first 0,
 
 1. minimises 1/2 x'Px + q'x + 1/2 (x - c)'W(x - c) by `engine`, from the active rows of
    the round before: its base solution is K^-1 (W c - q, b);
@@ -41,6 +46,7 @@ Candidates for certificates, of equations and rows, are refined on the data.
 
 import cython
 from cython.cimports.libc.math import INFINITY, exp, fabs, floor, log, sqrt
+from cython.cimports.namlcp.box import clip
 from cython.cimports.namlcp.linalg.vectors import (
     add_scaled,
     copy,
@@ -48,34 +54,39 @@ from cython.cimports.namlcp.linalg.vectors import (
     fill,
     largest_entry,
 )
+from cython.cimports.namlcp.measure import Terms
+from cython.cimports.namlcp.measure import measure as measure_terms
 from cython.cimports.namlcp.qp.active.engine import (
     CONTRADICTION,
     DONE,
     LATE,
     ROUND_ROUNDING,
     STUCK,
+    SUMMED,
     UNBOUNDED,
+    VIOLATION_ROUNDING,
     drop_wrong_signs,
     goal_of,
     hold_active,
+    is_pinned,
     pivot,
     set_base_values,
     size_of,
-)
-from cython.cimports.namlcp.qp.active.judgement import (
-    LEAST_DIVISOR,
-    are_within,
-    clip_point,
-    follow,
-    judge,
-    measure,
-    set_change,
-    set_correction,
-    set_point,
-    take_change,
-    verdict,
+    subtract_active,
 )
 
+from namlcp import checks
+from namlcp.linalg import columns
+
+# Nothing is refined where residuals over the moduli of their terms are at most
+# ACCURATE, and the residuals themselves at most RESERVE times the absolute tolerance;
+# or no more than their own rounding error, which is ROUNDING over these moduli, and at
+# most a tenth of the tolerance, a half for the gap, which refinement hardly changes.
+ACCURATE, RESERVE, ROUNDING = 1e-12, 0.05, 4e-15
+# The factor by which each of the CORRECTIONS has to lower the error.
+GAIN = 0.5
+# In place of 0 where a size is divided by; what is infinite beside sides of about 1.
+LEAST_DIVISOR, INFINITE = columns.LEAST_DIVISOR, checks.INFINITE
 # Dual residual over its terms that shows a multiplier of the wrong sign.
 WRONG = 1e-14
 # rho over that power of 16, if no other is asked for; the value of m.wanted without any
@@ -104,6 +115,35 @@ RAY_GAIN, MOST_CURVED, CLEAN = 0.9, 1e-9, 1e-14
 # Growth of a row, over its norm, along a direction of size 1, up to which it is
 # rounding.
 LEAST_GROWTH = 1e-11
+
+
+def is_faulty(m):
+    """Tell whether a number in the vectors is not allowed, or two sides are opposed.
+
+    Not allowed are NaN, infinite entries of q and b, and sides beyond `INFINITE`.
+    """
+    fine: cython.bint = True
+    most = INFINITE
+    for j in range(m.n):
+        fine = fine and fabs(m.q[j]) < INFINITY and m.lb[j] <= m.ub[j]
+        fine = fine and (-most < m.lb[j] < most or m.lb[j] == -INFINITY)
+        fine = fine and (-most < m.ub[j] < most or m.ub[j] == INFINITY)
+    for i in range(m.p):
+        fine = fine and fabs(m.b[i]) < INFINITY
+    for i in range(m.m):
+        fine = fine and (-most < m.h[i] < most or m.h[i] == INFINITY)
+    return not fine
+
+
+def follow(m):
+    """Solve the QP by `engine`, from the active rows at hand, and judge."""
+    m.entering, m.level = -1, VIOLATION_ROUNDING
+    if not (m.begin() and drop_wrong_signs(m)):
+        return STUCK
+    found = pivot(m)
+    if found == DONE and not m.finish():
+        return STUCK
+    return judge(m, found) if found == DONE or found == LATE else found
 
 
 def solve_at_hand(m):
@@ -162,20 +202,176 @@ def settle(m):
 
     The products at hand are those of the point with multipliers of either sign.
     """
-    negative: cython.bint = False
-    for i in range(m.m):
-        if m.z[i] < 0.0:
-            m.z[i], negative = 0.0, True
     if clip_point(m):
         m.set_products(False)
-    elif negative:
-        m.set_row_products()
     measure(m)
     is_rough: cython.bint = m.found.dual > WRONG * m.found.dual_size
     if is_rough and m.retries > 0 and are_within(m, 0.0):
         m.retries -= 1
         return STUCK
     return verdict(m)
+
+
+# ---- the point
+
+
+def set_point(m):
+    """Set x, y and z from the values and multipliers, x to active bounds exactly.
+
+    What is in z may have either sign, and x may be out of its bounds: see `clip_point`.
+    """
+    copy(m.s + m.m, m.x, m.n)
+    copy(m.s + m.rows, m.y, m.p)
+    fill(m.z_box, 0.0, m.n)
+    fill(m.z, 0.0, m.m)
+    for i in range(m.k):
+        row = m.active[i]
+        if row < m.m:
+            m.z[row] = m.multiplier[i]
+        else:
+            m.x[row - m.m] = goal_of(m, row, m.side[row])
+
+
+def clip_point(m):
+    """Move x and z into their bounds; tell whether one was out, as by rounding."""
+    x, lb, ub = m.x, m.lb, m.ub
+    was_out: cython.bint = False
+    for i in range(m.m):
+        if m.z[i] < 0.0:
+            m.z[i], was_out = 0.0, True
+    for j in range(m.n):
+        if x[j] < lb[j] or x[j] > ub[j]:
+            x[j] = clip(x[j], lb[j], ub[j])
+            was_out = True
+    return was_out
+
+
+def measure(m):
+    """Set z_box to minus the gradient at active bounds; measure the point.
+
+    Needs the products of the point. Returns the largest residual over the moduli of its
+    terms, with the active rows as equations.
+    """
+    t: Terms
+    primal = 0.0
+    for i in range(m.k):
+        row = m.active[i]
+        if row < m.m:
+            primal = max(primal, fabs(m.Gx[row] - m.h[row]))
+        else:
+            j = row - m.m
+            gradient = m.Px[j] + m.q[j] + m.Gtz[j] + m.Aty[j]
+            sign, m.z_box[j] = m.side[row], -gradient
+            if sign * gradient > 0.0 and not is_pinned(m, row):
+                m.z_box[j] = 0.0
+    t.n, t.m, t.p = m.n, m.m, m.p
+    t.q, t.h, t.b, t.lb, t.ub = m.q, m.h, m.b, m.lb, m.ub
+    t.x, t.y, t.z, t.z_box = m.x, m.y, m.z, m.z_box
+    t.Px, t.Gx, t.Ax, t.Gtz, t.Aty = m.Px, m.Gx, m.Ax, m.Gtz, m.Aty
+    found = cython.address(m.found)
+    measure_terms(cython.address(t), found)
+    return max(
+        max(primal, found.primal) / max(found.primal_size, LEAST_DIVISOR),
+        found.dual / max(found.dual_size, LEAST_DIVISOR),
+    )
+
+
+def is_low(m, residual, size, most_reserve):
+    """Tell whether a residual is far below its tolerance, or due to rounding."""
+    rounding = min(ROUNDING * size, most_reserve * m.eps_abs)
+    return m.eps_abs <= 0.0 or residual <= max(RESERVE * m.eps_abs, rounding)
+
+
+def is_accurate(m, error):
+    """Tell whether a point with this error of `measure` needs no refinement."""
+    found = cython.address(m.found)
+    return (
+        error <= ACCURATE
+        and is_low(m, found.primal, found.primal_size, 0.1)
+        and is_low(m, found.dual, found.dual_size, 0.1)
+        and is_low(m, found.gap, found.gap_size, 0.5)
+    )
+
+
+def are_within(m, rounding):
+    """Tell whether the residuals are within tolerance with that much of their terms."""
+    found, eps = cython.address(m.found), m.eps_abs
+    relative = m.eps_rel - rounding
+    return (
+        found.primal <= eps + relative * found.primal_size
+        and found.dual <= eps + relative * found.dual_size
+        and found.gap <= eps + relative * found.gap_size
+    )
+
+
+def verdict(m):
+    """Return STUCK where the point is not within tolerance, else DONE or SUMMED."""
+    is_far: cython.bint = m.found.primal_size >= INFINITE  # any rows seem to hold
+    if not are_within(m, 0.0) or (is_far and m.found.primal > m.eps_abs):
+        return STUCK
+    return DONE if are_within(m, ROUNDING) else SUMMED
+
+
+# ---- refinement
+
+
+def set_correction(m):
+    """Set m.rhs = -(dual residual, A x - b), and s to the values of the point."""
+    for j in range(m.n):
+        m.rhs[j] = -(m.Px[j] + m.q[j] + m.Gtz[j] + m.Aty[j] + m.z_box[j])
+        m.s[m.m + j] = m.x[j]
+    for i in range(m.p):
+        m.rhs[m.n + i] = m.b[i] - m.Ax[i]
+        m.s[m.rows + i] = m.y[i]
+    copy(m.Gx, m.s, m.m)
+
+
+def set_change(m):
+    """Let m.change lead to the active sides: less sum dmu_i w_i, with dmu in m.work.
+
+    It holds the values of K^-1 m.rhs before.
+    """
+    for i in range(m.k):
+        row = m.active[i]
+        m.work[i] = m.change[row] + m.s[row] - goal_of(m, row, m.side[row])
+    subtract_active(m, m.change)
+
+
+def take_change(m):
+    """Add m.change to s and m.work to mu."""
+    add_scaled(1.0, m.change, m.s, m.length)
+    add_scaled(1.0, m.work, m.multiplier, m.k)
+
+
+def judge(m, found):
+    """Measure the point, and refine it as long as it is not accurate and that pays.
+
+    found: how the pivots ended. After LATE the point is measured alone.
+    """
+    error, passes = INFINITY, CORRECTIONS
+    while True:
+        set_point(m)
+        m.set_products(not clip_point(m) and m.k == 0 and m.pivots == 0)
+        before, error = error, measure(m)
+        if found == LATE:
+            return LATE
+        if not error < before:
+            if before == INFINITY:  # there is no better point to go back to
+                return STUCK
+            m.s, m.best = m.best, m.s
+            m.multiplier, m.best_multiplier = m.best_multiplier, m.multiplier
+            error, passes = INFINITY, 0
+        elif passes > 0 and error <= GAIN * before and not is_accurate(m, error):
+            copy(m.s, m.best, m.length)
+            copy(m.multiplier, m.best_multiplier, m.k)
+            set_correction(m)
+            m.set_values(m.rhs, m.change)
+            if not m.on_face:
+                set_change(m)
+            take_change(m)
+            passes -= 1
+        else:
+            return verdict(m)
 
 
 # ---- the minimum on a face
@@ -215,9 +411,6 @@ def take_face(m):
     Returns the largest residual of active rows and equations over their terms.
     """
     set_point(m)
-    for i in range(m.k):
-        if m.active[i] < m.m:
-            m.z[m.active[i]] = m.multiplier[i]
     m.set_products(False)
     away, size = 0.0, max(largest_entry(m.x, m.n), largest_entry(m.b, m.p))
     for i in range(m.k):

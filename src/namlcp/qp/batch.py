@@ -21,8 +21,7 @@ from namlcp.checks import real_array
 from namlcp.linalg import blas_threads
 from namlcp.linalg.arrays import stamps_of_items
 from namlcp.options import Options
-from namlcp.qp.active import MOST_ORDER, OUTCOMES, attach
-from namlcp.qp.active import solve_items as solve_dense_items
+from namlcp.qp.active import solve as active
 from namlcp.qp.active.dense import DenseActiveSet
 from namlcp.qp.active.engine import Code
 from namlcp.qp.convexity import check_convex
@@ -186,7 +185,7 @@ def solve_stack(
     """Solve small dense items in compiled loops; return the items that are left."""
     qp, size = items.shared, items.size
     order = qp.q.size + qp.h.size + qp.b.size
-    if not qp.is_dense or order > MOST_ORDER:
+    if not qp.is_dense or order > active.MOST_ORDER:
         return np.arange(size)
     arrays: Any = tuple(
         items.stacked.get(name, own) for name, own in qp._asdict().items()
@@ -205,8 +204,8 @@ def solve_stack(
             space = spaces.pop()
         except IndexError:
             space = DenseActiveSet()
-            attach(space, *firsts, True)
-        solve_dense_items(
+            active.attach(space, *firsts, True)
+        active.solve_items(
             space, arrays, stacked, chunks[k].start, chunks[k].stop, options.settings,
             outs, codes, found.iterations,
         )  # fmt: skip
@@ -216,7 +215,7 @@ def solve_stack(
         on_threads(solve_chunk, len(chunks), threads)
     found.obj[:] = found.residuals["objective"]
     found.form[:], left = "dual", np.full(size, True)
-    for code, status in OUTCOMES.items():
+    for code, status in active.OUTCOMES.items():
         ended = codes == code
         found.codes[ended] = STATUSES.index(status)
         if status in OBJECTIVE:
@@ -240,19 +239,15 @@ def on_threads(work: Callable[[int], None], size: int, threads: int) -> None:
         for i in range(size):
             work(i)
         return
-    left, running = deque(range(size)), set[int]()
+    left, running = iter(range(size)), set[int]()
 
     def work_on() -> None:
         running.add(get_ident())
         try:
-            while True:
-                try:
-                    i = left.popleft()
-                except IndexError:
-                    return
+            for i in left:
                 work(i)
         finally:
-            left.clear()  # after an error
+            deque(left, 0)  # takes what is left, after an error
             running.discard(get_ident())
 
     with ThreadPoolExecutor(threads) as pool:
@@ -261,7 +256,7 @@ def on_threads(work: Callable[[int], None], size: int, threads: int) -> None:
             while wait(tasks, LOOK).not_done:
                 pass
         except BaseException:
-            left.clear()
+            deque(left, 0)
             for thread in running.copy():  # as Ctrl-C does in the main one
                 ctypes.pythonapi.PyThreadState_SetAsyncExc(
                     ctypes.c_ulong(thread), ctypes.py_object(KeyboardInterrupt)
