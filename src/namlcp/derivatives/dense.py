@@ -191,17 +191,19 @@ def mark_item(m):
     qp = cython.address(m.qp)
     n, rows, size, share, norms = qp.n, qp.m, qp.Px, qp.Gx + qp.m, qp.Gx + 2 * qp.m
     times_rows(m.P, n, n, n, qp.x, size)
-    times_rows(m.G, rows, n, n, qp.x, qp.Gx)
     fill(qp.Gtz, 0.0, 2 * n)
-    add_times_transposed(m.G, rows, n, qp.z, qp.Gtz)
     add_times_transposed(m.A, qp.p, n, qp.y, qp.Aty)
+    for i in range(rows):  # each row is read once: of a large G that is the time
+        row = m.G + i * n
+        norms[i], qp.Gx[i] = sqrt(dot(row, row, n)), dot(row, qp.x, n)
+        if qp.z[i] != 0.0:
+            add_scaled(qp.z[i], row, qp.Gtz, n)
     for j in range(n):
         large = max(fabs(size[j]), max(fabs(qp.q[j]), fabs(qp.z_box[j])))
         large = max(large, max(fabs(qp.Gtz[j]), fabs(qp.Aty[j])))
         size[j] = 1.0 / large if large > 0.0 else 0.0
     for i in range(rows):
-        row, multiplier = m.G + i * n, qp.z[i]
-        norms[i], share[i] = sqrt(dot(row, row, n)), 0.0
+        row, multiplier, share[i] = m.G + i * n, qp.z[i], 0.0
         if multiplier > 0.0:
             for j in range(n):
                 share[i] = max(share[i], multiplier * fabs(row[j]) * size[j])
@@ -295,7 +297,8 @@ def solve_item(m):
             correct_by_kept(m.kept, m)
         else:
             correct(m)
-    set_remainder(m)
+    if m.free_n < qp.n:
+        set_remainder(m)  # for mu
     for j in range(qp.n):
         m.u[j] = 0.0 - m.u[j]
         m.upper[j] = m.lower[j] if side[j] > 0 else 0.0
@@ -308,14 +311,16 @@ def set_remainder(m):
     n, p = qp.n, qp.p
     fill(rest, 0.0, n)
     add_times_transposed(m.P, n, n, m.u, rest)  # P = P'
-    add_times_transposed(m.G, qp.m, n, m.lam, rest)
-    add_times_transposed(m.A, p, n, m.nu, rest)
+    for i in range(m.held_n):
+        k, row = m.held[i], row_at(m, m.held[i])
+        if k < p:
+            goal, multiplier = m.of_y[k], m.nu[k]
+        else:
+            goal, multiplier = m.of_z[k - p], m.lam[k - p]
+        m.s[i] = goal - dot(row, m.u, n)
+        add_scaled(multiplier, row, rest, n)
     for j in range(n):
         rest[j] = m.of_x[j] - rest[j]
-    for i in range(m.held_n):
-        k = m.held[i]
-        goal = m.of_y[k] if k < p else m.of_z[k - p]
-        m.s[i] = goal - dot(row_at(m, k), m.u, n)
 
 
 def correct(m):
