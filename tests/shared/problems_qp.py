@@ -16,13 +16,13 @@ from scipy.sparse import (
 )
 
 from namlcp import Status, qp_residuals
-from namlcp.cli.files import mat_problem
 from namlcp.options import Options
 from namlcp.qp import NO_GUESS, QP
 from namlcp.qp.chain import NO_TRANSFORMS
 from namlcp.qp.interior import solve_interior
 from namlcp.qp.judge import Judge
 from namlcp.qp.memory import Memory
+from validation.problems.data_sets import mat_problem
 from validation.problems.draw import Known, around
 
 
@@ -158,7 +158,7 @@ DATA = Path(
 def maros_meszaros(name) -> QP:
     """Read a Maros-Meszaros problem."""
     path = DATA / "maros_meszaros" / f"{name}.mat"
-    return make_qp(*mat_problem(str(path)).unpack())
+    return make_qp(*mat_problem(path).unpack())
 
 
 def singular_block(seed, n) -> Known:
