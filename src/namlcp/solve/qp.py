@@ -1,22 +1,33 @@
-"""The public function `solve_qp`, and `solve_arguments` for other interfaces."""
+"""The public functions and the class that solve QPs: one, one after another, many."""
 
 from time import perf_counter
 from typing import Any
 
-from namlcp.options import DEFAULT_OPTIONS, Options, check_flag
+from namlcp.options import DEFAULT_OPTIONS, Options, check_count, check_flag
 from namlcp.progress import QP_COLUMNS, Progress
 from namlcp.qp import (
     NO_GUESS,
+    QP,
     Code,
     DenseActiveSet,
+    Items,
     Memory,
+    QPSequence,
+    available_cores,
+    check_warm_start,
+    factors_of,
     make_guess,
     qp_data,
     solve_checked,
+    solve_items,
     solve_small,
     stamp_of,
+    step,
 )
-from namlcp.results import QPResult, qp_result
+from namlcp.results import BatchResult, Public, QPResult, batch_result, qp_result
+from namlcp.status import Status
+
+SOLVED = Status.SOLVED
 
 # How an attempt ended after which the dense form may be tried again: a fault is named,
 # or a point was found whose sums have to be judged in the order of the arguments.
@@ -155,3 +166,195 @@ def solve_arguments(
     if derivative:
         result.factors = answer.factors
     return result
+
+
+class Solver(QPSequence, metaclass=Public):
+    """A convex QP that is solved again and again, with other vectors or values.
+
+    ``minimise 1/2 x'Px + q'x  subject to  Gx <= h,  Ax = b,  lb <= x <= ub``
+
+    `update` changes any of the arguments, `solve` solves. A solve gives what `solve_qp`
+    gives for the same problem, at a fraction of the time: it begins with the active
+    constraints of the last solution, and what depends on the matrices alone is not done
+    again while they stay.
+
+    Parameters
+    ----------
+    P, q, G, h, A, b, lb, ub
+        The problem, as for `solve_qp`; all are copied. The sizes stay, and so does the
+        pattern of sparse matrices.
+    **settings
+        The fields of `Options`, for all solves.
+
+    Raises
+    ------
+    ValueError, TypeError, MemoryError
+        As `solve_qp`. A P that is not positive semidefinite is refused here.
+
+    Notes
+    -----
+    Where P is singular a problem may have many solutions; then two solves may return
+    different ones, with the same objective. A Solver can be copied and pickled. One
+    Solver is for one thread at a time; Solvers in several threads run side by side, as
+    compiled code releases Python's lock.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from namlcp import Solver
+    >>> solver = Solver(np.eye(2), np.zeros(2), lb=np.zeros(2))
+    >>> for step in range(3):
+    ...     solver.update(q=np.array([-1.0, step - 1.0]))
+    ...     print(solver.solve().x + 0.0)
+    [1. 1.]
+    [1. 0.]
+    [1. 0.]
+    """
+
+    PUBLIC = "solve", "update"
+
+    def solve(self, warm_start: Any = None, derivative: bool = False) -> QPResult:
+        """Solve the problem as it is now.
+
+        Parameters
+        ----------
+        warm_start : QPResult or qpsolvers.Solution, optional
+            The solution of a similar problem of the same sizes, to begin with instead
+            of the last solution.
+        derivative : bool
+            Let the result of a dense QP have a copy of the Solver's factors, so that
+            `backward` need not make them. It is for one thread at a time.
+
+        Returns
+        -------
+        QPResult
+            What `solve_qp` returns.
+
+        Raises
+        ------
+        ValueError, TypeError
+            warm_start is no solution of a problem of these sizes.
+        KeyboardInterrupt
+            Ctrl-C was pressed. The Solver can be used all the same.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from namlcp import Solver
+        >>> solver = Solver(np.eye(1), np.array([-4.0]), ub=np.array([3.0]))
+        >>> solver.solve().z_box
+        array([1.])
+        """
+        start = perf_counter()
+        if derivative is not False:
+            check_flag("derivative", derivative)
+        try:
+            if not self.is_whole:
+                self.begin()
+            result, is_tried = None, False
+            if self.is_current and self.is_own and warm_start is None:
+                is_tried = True
+                problem = self.matrices, self.vectors, self.given
+                result = step(
+                    self.active_set, QPResult, self.vectors, problem,
+                    self.options.settings, start,
+                )  # fmt: skip
+            if result is None:
+                qp, guess = self.qp, None
+                if warm_start is not None:
+                    guess = make_guess(qp, None, warm_start)
+                answer = self.solve_with_care(guess, start, is_tried)
+                result = qp_result(answer, (qp, self.given), start, start)
+            elif not derivative:
+                self.last = result
+                return result
+        except BaseException:
+            self.is_whole = False  # so the next solve begins anew
+            raise
+        if result.status is SOLVED:
+            self.last = result
+            if derivative and self.is_current and self.qp.is_dense:
+                result.factors = factors_of(self.active_set)
+        return result
+
+
+def solve_batch(
+    P: Any,
+    q: Any,
+    G: Any = None,
+    h: Any = None,
+    A: Any = None,
+    b: Any = None,
+    lb: Any = None,
+    ub: Any = None,
+    *,
+    threads: int | None = None,
+    warm_start: Any = None,
+    **settings: Any,
+) -> BatchResult:
+    """Solve N convex QPs of the same sizes, on several threads.
+
+    ``minimise 1/2 x'Px + q'x  subject to  Gx <= h,  Ax = b,  lb <= x <= ub``
+
+    An argument with a leading axis of length N has one value for each item; one without
+    is shared by all, and what depends on it alone is done once. Without any such axis
+    there is one item. The results have the order of the items, and the same bits for
+    every number of threads.
+
+    Parameters
+    ----------
+    P, G, A : (n, n), (m, n), (p, n) array, with a leading axis N or without
+        As for `solve_qp`. A sparse matrix is shared, as is one row given as a vector.
+    q, h, b, lb, ub : (n,), (m,), (p,), (n,), (n,) array, with a leading axis N or not
+        As for `solve_qp`: columns and rows are flattened.
+    threads : int, optional
+        Threads that solve items, by default one for each core. BLAS has one thread in
+        each.
+    warm_start : BatchResult, QPResult or qpsolvers.Solution, optional
+        Solutions of a similar batch, item by item, or one for all items.
+    **settings
+        The fields of `Options` but threads and verbose. time_limit is for each item.
+
+    Returns
+    -------
+    BatchResult
+        An item that is malformed (a NaN) or not convex gets the status INVALID and a
+        message, and harms no other.
+
+    Raises
+    ------
+    ValueError, TypeError
+        Shapes disagree, or an argument that is shared by all is malformed.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from namlcp import solve_batch
+    >>> q = np.array([[-1.0, -2.0], [1.0, -1.0], [np.nan, 0.0]])
+    >>> batch = solve_batch(np.eye(2), q, lb=np.zeros(2))
+    >>> batch.x
+    array([[ 1.,  2.],
+           [ 0.,  1.],
+           [nan, nan]])
+    >>> batch[2].status.value, batch[2].message
+    ('invalid', 'q must be finite, got nan at (0)')
+    """
+    start = perf_counter()
+    options = Options.from_names(settings) if settings else DEFAULT_OPTIONS
+    if options.verbose:
+        raise ValueError("verbose is for the solve of one problem, not for a batch")
+    if threads is None:
+        threads = available_cores()
+    check_count("threads", threads)
+    names = dict(zip(QP._fields, (P, q, G, h, A, b, lb, ub), strict=True))
+    items = Items(names)
+    if isinstance(warm_start, BatchResult) and len(warm_start) != items.size:
+        raise ValueError(
+            f"warm_start must have {items.size} items, got {len(warm_start)}"
+        )
+    starts = warm_start
+    if warm_start is not None and not isinstance(warm_start, BatchResult):
+        check_warm_start(warm_start)
+        starts = [warm_start] * items.size
+    outcomes = solve_items(items, starts, options, threads)
+    return batch_result(outcomes, items, perf_counter() - start)
