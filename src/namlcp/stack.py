@@ -135,16 +135,13 @@ class Stack:
         for name, change in changes.items():
             refuse_number(f"d{name}", change, False)
         held, point = self.held
-        absent = {k: np.zeros(v.shape) for k, v in zip("qbh", point[:3], strict=True)}
+        parts = {"q": "x", "b": "y", "h": "z", "lb": "x", "ub": "x"}
+        absent = {k: np.zeros(getattr(point, part).shape) for k, part in parts.items()}
         d = absent | self.flattened(changes)
         r, dh, db = right_sides(d, point)
-        zero, m = absent["q"], dh.shape[-1]
-        side = held.sides[:, m:]
-        at_lower, at_upper = side < 0, side > 0
-        dx = at_lower * d.get("lb", zero) + at_upper * d.get("ub", zero)
-        pairs = zip((-r, db, dh, dx), self.points, strict=True)
-        right = tuple(np.broadcast_to(v, own.shape) for v, own in pairs)
-        found, _ = self.differentiated(right)
+        side = held.sides[:, point.z.shape[1] :]
+        dx = np.where(side > 0, d["ub"], d["lb"])  # read where x_j is held
+        found, _ = self.differentiated((-r, db, dh, dx))
         return self.shaped(Point(-found.q, found.b, found.h, found.lb + found.ub))
 
     @cached_property

@@ -118,7 +118,7 @@ class DenseItem:
         return (q, h, b, lb, ub), matrices
 
 
-def differentiate_items(chosen, arrays, found):
+def differentiate_part(chosen, arrays, found):
     """Write the gradients of the chosen items to their rows of `found`.
 
     arrays: P, q, G, h, A, b, lb, ub, x, y, z, z_box and the gradients in these four,
