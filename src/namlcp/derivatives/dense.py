@@ -291,34 +291,40 @@ def solve_item(m):
     fill(m.nu, 0.0, qp.p)
     for j in range(qp.n):
         m.u[j] = m.of_box[j] if side[j] != 0 else 0.0
-    for _ in range(SOLVES):
-        set_remainder(m)
+    for k in range(SOLVES):
+        set_remainder(m, k == 0 and m.free_n == qp.n)
         if m.keeps:
             correct_by_kept(m.kept, m)
         else:
             correct(m)
     if m.free_n < qp.n:
-        set_remainder(m)  # for mu
+        set_remainder(m, False)  # for mu
     for j in range(qp.n):
         m.u[j] = 0.0 - m.u[j]
         m.upper[j] = m.lower[j] if side[j] > 0 else 0.0
         m.lower[j] = m.lower[j] if side[j] < 0 else 0.0
 
 
-def set_remainder(m):
-    """Set lower = of_x - P u - G'lam - A'nu, and s = (of_y - A u, of_z - G u)_held."""
+def set_remainder(m, are_zero):
+    """Set lower = of_x - P u - G'lam - A'nu, and s = (of_y - A u, of_z - G u)_held.
+
+    are_zero: u, lam and nu are 0; products with large matrices would take a while.
+    """
     qp, rest = cython.address(m.qp), m.lower
     n, p = qp.n, qp.p
     fill(rest, 0.0, n)
-    add_times_transposed(m.P, n, n, m.u, rest)  # P = P'
+    if not are_zero:
+        add_times_transposed(m.P, n, n, m.u, rest)  # P = P'
     for i in range(m.held_n):
         k, row = m.held[i], row_at(m, m.held[i])
         if k < p:
             goal, multiplier = m.of_y[k], m.nu[k]
         else:
             goal, multiplier = m.of_z[k - p], m.lam[k - p]
-        m.s[i] = goal - dot(row, m.u, n)
-        add_scaled(multiplier, row, rest, n)
+        m.s[i] = goal
+        if not are_zero:
+            m.s[i] -= dot(row, m.u, n)
+            add_scaled(multiplier, row, rest, n)
     for j in range(n):
         rest[j] = m.of_x[j] - rest[j]
 
@@ -367,7 +373,7 @@ def correct_by_kept(own, m):
     triangle_solve_transposed(own.triangle, own.k, goals)
     for i in range(own.k):
         k = own.active[i]
-        add_scaled(-goals[i], response_of(own, k), values, own.length)
+        add_scaled(-goals[i], response_of(own, k) + qp.m, values + qp.m, n + p)
         if k < qp.m:
             m.lam[k] += goals[i]
     add_scaled(1.0, values + qp.m, m.u, n)
