@@ -61,13 +61,13 @@ class Stack:
         self.stacked = {k for k, lead in leads.items() if int(np.prod(lead)) > 1}
         if self.lead and not self.stacked:
             self.stacked = {"q"}  # a stack of one item
-        self.flat = self.flattened(self.parts)
+        self.flat: dict[str, Any] = dict.fromkeys(AXES) | self.flattened(self.parts)
         found: Any
         if self.lead:
-            found = solve_batch(**arguments(self.flat), **settings)
+            found = solve_batch(**self.flat, **settings)
             solved, self.items = found.solved, found.problem
         else:
-            found = solve_qp(**arguments(self.flat), **settings)
+            found = solve_qp(**self.flat, **settings)
             solved = np.array([found.status is Status.SOLVED])
         values = found.x, found.y, found.z, found.z_box
         self.points = Point(
@@ -102,7 +102,7 @@ class Stack:
         which = self.solved.reshape(-1)
         found = differentiate_batch(self.items, self.points, which, flat, self.threads)
         return [
-            self.summed(k, getattr(found, k)) if asked and k in self.flat else None
+            self.summed(k, getattr(found, k)) if asked and k in self.parts else None
             for k, asked in zip(AXES, wanted, strict=True)
         ]
 
@@ -147,7 +147,7 @@ class Stack:
     @cached_property
     def items(self) -> Any:
         """A single QP as the `Items` of a batch."""
-        qp, given = qp_data(**arguments(self.flat)), (None, None, None)
+        qp, given = qp_data(**self.flat), (None, None, None)
         return SimpleNamespace(
             shared=qp, stacked={}, given=given, item=lambda _: (qp, given)
         )
@@ -166,11 +166,6 @@ class Stack:
         sides = sides.reshape(*self.lead, sides.shape[1])
         held, side = np.split(sides, [self.points.z.shape[1]], axis=-1)
         return held, side
-
-
-def arguments(parts: Arrays) -> dict[str, Any]:
-    """Return all arguments of a QP, None where there is none."""
-    return {name: parts.get(name) for name in AXES}
 
 
 def lead_of(name: str, part: np.ndarray) -> tuple[int, ...]:
