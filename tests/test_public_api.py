@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import namlcp
+from namlcp.cli import main
 
 CLIENT = Path(__file__).parent / "shared" / "typed_client.py"
 
@@ -146,6 +147,13 @@ def test_dir_shows_what_is_public_alone(what, names):
 def test_every_status_explains_itself(status):
     assert status == status.value == str(status) == status.name.lower()
     assert status.explanation.endswith(".")
+
+
+def test_warmup_says_that_it_does_nothing(capsys):
+    with pytest.warns(DeprecationWarning, match="does nothing"):
+        namlcp.warmup()
+    assert main(["--warmup"]) == 0
+    assert "does nothing" in capsys.readouterr().err
 
 
 def test_copies_of_a_subclass_hold_what_results_hold():

@@ -26,6 +26,7 @@ from namlcp.theory import Verdict, converges, is_h_plus
 
 if TYPE_CHECKING:  # `__getattr__` below imports these when they are asked for
     from namlcp import cvxpylayers, jax, torch
+    from namlcp.deprecated import warmup
 
 __all__ = [
     "BatchResult",
@@ -49,6 +50,7 @@ __all__ = [
     "solve_lcp",
     "solve_many",
     "solve_qp",
+    "warmup",
 ]
 __version__ = "0.2.0"
 LATE = "cvxpy", "cvxpylayers", "jax", "scenes", "torch"
@@ -68,4 +70,6 @@ def __getattr__(name: str) -> Any:
     """Import what is seldom used at its first use: hosts are optional, and slow."""
     if name in LATE:
         return import_module(f"namlcp.{name}")
+    if name == "warmup":
+        return import_module("namlcp.deprecated").warmup
     raise AttributeError(f"module 'namlcp' has no attribute {name!r}")

@@ -171,6 +171,7 @@ def parser_of_arguments() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="namlcp", description=__doc__)
     title = f"namlcp {namlcp.__version__}"
     parser.add_argument("--version", action="version", version=title)
+    parser.add_argument("--warmup", action="store_true", help=argparse.SUPPRESS)
     commands = parser.add_subparsers(dest="command", metavar="solve | info")
     solve = commands.add_parser("solve", help="solve a problem file", epilog=FILES)
     solve.add_argument("file", metavar="FILE")
@@ -187,7 +188,10 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the command line; return the exit status."""
     parser = parser_of_arguments()
     args = vars(parser.parse_args(arguments))
-    command = args.pop("command")
+    command, is_warmup = args.pop("command"), args.pop("warmup")
+    if is_warmup:  # of earlier versions, for one release
+        print("--warmup does nothing: nothing is compiled later", file=sys.stderr)
+        return 0
     if command is None:
         parser.print_help()
         return 0
