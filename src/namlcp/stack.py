@@ -155,7 +155,7 @@ class Stack:
     @cached_property
     def held(self) -> tuple[Found, Point]:
         """The constraints held of each item, and the solution with multipliers used."""
-        return self.differentiated((None, None, None, None))
+        return self.differentiated(tuple(map(np.zeros_like, self.points)))
 
     def faces(self) -> tuple[np.ndarray, np.ndarray]:
         """Return which rows of G are held active (1 or 0), and the side of each x_j.

@@ -37,10 +37,10 @@ cdef class DenseItem:
         double *S
         double *t
         double *s
-        # Zeros; work space.
+        # Zeros; work space; the array of all these.
         double *zero
         double *work
-        double *memory
+        object memory
         # The factors of the solve; whether they serve.
         DenseActiveSet kept
         bint keeps

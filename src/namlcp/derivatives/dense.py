@@ -16,7 +16,6 @@ import cython
 import numpy as np
 from cython import Py_ssize_t
 from cython.cimports.libc.math import fabs, sqrt
-from cython.cimports.libc.stdlib import free, malloc
 from cython.cimports.namlcp.derivatives.marks import ACTIVE, mark
 from cython.cimports.namlcp.linalg.arrays import indices, numbers, places, signs
 from cython.cimports.namlcp.linalg.blas import (
@@ -56,10 +55,9 @@ class DenseItem:
         most, length, rows = max(n, max(m, p)), 4 * (n + m + p), m + p
         k = min(n, rows)
         size = most + length + 2 * (n + rows) + n * n + k * (n + k)
-        self.memory = cython.cast(cython.p_double, malloc(8 * size + 2 * (n + m)))
-        if self.memory == cython.NULL:
-            raise MemoryError("a derivative of this size needs more memory")
-        self.zero = self.memory
+        whole = size + (n + m) // 4 + 1  # in the end there are 2 (n + m) bytes
+        self.memory = np.empty(whole)
+        self.zero = numbers(self.memory, whole)
         fill(self.zero, 0.0, most)
         self.work = self.zero + most
         qp.Px, qp.Gtz, qp.Aty = self.work, self.work + n, self.work + 2 * n
@@ -69,11 +67,8 @@ class DenseItem:
         self.held = cython.cast(cython.p_Py_ssize_t, self.s + rows)
         self.free = self.held + rows
         self.L = cython.cast(cython.p_double, self.free + n)
-        self.strict = cython.cast(cython.p_schar, self.memory + size)
+        self.strict = cython.cast(cython.p_schar, self.zero + size)
         self.whole = self.strict + n + m
-
-    def __dealloc__(self):
-        free(self.memory)
 
     def take(self, qp, point, kept):
         """Take a single QP, its solution, and the factors of its solve or None.
@@ -122,8 +117,8 @@ def differentiate_part(chosen, arrays, found):
     """Write the gradients of the chosen items to their rows of `found`.
 
     arrays: P, q, G, h, A, b, lb, ub, x, y, z, z_box and the gradients in these four,
-    each with the numbers of one item after another, or of one item that stands for all,
-    or (gradients) None. found: a `Found` of zeros; an item that is singular remains so.
+    each with the numbers of one item after another, or of one item that stands for all.
+    found: a `Found` of zeros; an item that is singular remains so.
     """
     count: Py_ssize_t = found.q.shape[0]
     n: Py_ssize_t = found.q.shape[1]

@@ -283,7 +283,7 @@ def differentiate_items(
     items: Items,
     solutions: Point,
     which: np.ndarray,
-    cotangents: tuple[np.ndarray | None, ...],
+    cotangents: tuple[np.ndarray, ...],
     threads: int,
 ) -> tuple[Found, Point]:
     """Return the gradients of each item, and the solutions with the multipliers used.
@@ -293,10 +293,9 @@ def differentiate_items(
     """
     shown = which[:, None]
     points = Point(*(np.where(shown, v, 0.0) for v in solutions))
-    parts = tuple(None if v is None else np.where(shown, v, 0.0) for v in cotangents)
+    parts = tuple(np.where(shown, v, 0.0) for v in cotangents)
     for name, part in zip(Point._fields, parts, strict=True):
-        if part is not None:
-            refuse_number(f"d{name}", part, False)
+        refuse_number(f"d{name}", part, False)
     n, m, p = points.x.shape[1], points.z.shape[1], points.y.shape[1]
     count, chosen = which.size, np.flatnonzero(which)
     q, h, b, lb, ub = (np.zeros((count, size)) for size in (n, m, p, n, n))
@@ -318,7 +317,7 @@ def differentiate_items(
         i = chosen[k]
         point = Point(*(v[i] for v in points))
         derivative = QPDerivative(items.item(i)[0], point)
-        vectors, _ = derivative.solve(tuple(v if v is None else v[i] for v in parts))
+        vectors, _ = derivative.solve(tuple(v[i] for v in parts))
         for own, vector in zip(found, vectors, strict=False):
             own[i] = vector
         found.weak[i], found.regular[i] = derivative.weak, not derivative.singular
@@ -357,10 +356,10 @@ def differentiate_batch(
     return BatchGradients(q, h, b, lb, ub, found.weak, singular, matrix, used)
 
 
-def checked_gradient(name: str, value: Any, own: np.ndarray) -> np.ndarray | None:
-    """Return gradients in a part of all points checked, None if absent."""
+def checked_gradient(name: str, value: Any, own: np.ndarray) -> np.ndarray:
+    """Return gradients in a part of all points checked, zeros if absent."""
     if value is None:
-        return None
+        return np.zeros(own.shape)
     array = real_array(f"d{name}", value)
     if array.shape != own.shape:
         raise ValueError(
