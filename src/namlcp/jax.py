@@ -92,34 +92,23 @@ def solve_qp(
     >>> print(jax.grad(first)(jnp.array([-1.0, -4.0])) + 0.0)
     [-1.  0.]
     """
-    given = [P, q, G, h, A, b, lb, ub]
+    given = P, q, G, h, A, b, lb, ub
     kind = jnp.result_type(float, *(v for v in given if v is not None))
-    P, q, G, h, A, b, lb, ub = (v if v is None else jnp.asarray(v, kind) for v in given)
-    n = q.size
-    data = (
-        (P + P.T) / 2,
-        q,
-        jnp.zeros((0, n), kind) if G is None else G,
-        jnp.zeros(0, kind) if h is None else h,
-        jnp.zeros((0, n), kind) if A is None else A,
-        jnp.zeros(0, kind) if b is None else b,
-        jnp.full(n, -jnp.inf, kind) if lb is None else lb,
-        jnp.full(n, jnp.inf, kind) if ub is None else ub,
-    )
-    check_shapes(data)
-    x, y, z, z_box, solved, _, _ = solution(tuple(settings.items()), data)
-    return QPSolution(x, y, z, z_box, solved == 1.0)
-
-
-def check_shapes(data: tuple[jax.Array, ...]) -> None:
-    """Raise ValueError for the first argument whose shape does not fit."""
-    n, m, p = data[1].size, data[3].size, data[5].size
-    wanted = ((n, n), (n,), (m, n), (m,), (p, n), (p,), (n,), (n,))
-    for name, value, shape in zip(AXES, data, wanted, strict=True):
+    n, m, p = (0 if v is None else np.size(v) for v in (q, h, b))
+    shapes = (n, n), (n,), (m, n), (m,), (p, n), (p,), (n,), (n,)
+    data = []
+    for name, value, shape in zip(AXES, given, shapes, strict=True):
+        if value is None:
+            value = jnp.full(shape, {"lb": -jnp.inf, "ub": jnp.inf}.get(name, 0.0))
+        value = jnp.asarray(value, kind)
         if value.shape != shape:
             raise ValueError(
                 f"{name} must have shape {shape} to match q, h and b, got {value.shape}"
             )
+        data.append(value)
+    data[0] = (data[0] + data[0].T) / 2
+    x, y, z, z_box, solved, _, _ = solution(tuple(settings.items()), tuple(data))
+    return QPSolution(x, y, z, z_box, solved == 1.0)
 
 
 @partial(jax.custom_jvp, nondiff_argnums=(0,))

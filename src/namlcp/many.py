@@ -6,6 +6,7 @@ tqdm, without which there is no bar.
 """
 
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from functools import partial
 from importlib import import_module
 from typing import Any
@@ -73,11 +74,22 @@ def solve_many(
     >>> solve_many(lcps, n_jobs=1, progress=False, solve=solve_lcp)[0].z
     array([1., 0.])
     """
-    joblib = None if n_jobs == 1 else needed_joblib()
+    joblib: Any = None
+    if n_jobs != 1:
+        try:
+            joblib = import_module("joblib")
+        except ImportError as error:
+            raise ImportError(
+                'solve_many needs joblib unless n_jobs=1: pip install "namlcp[batch]"'
+            ) from error
     if not isinstance(problems, Iterable) or isinstance(problems, Mapping):
         raise TypeError(f"problems must be an iterable of problems, got {problems!r}")
     problems = list(problems)
-    bar = bar_of(len(problems)) if progress else iter
+    bar: Callable[[Iterable[Any]], Iterable[Any]] = iter
+    if progress:
+        with suppress(ImportError):
+            tqdm = import_module("tqdm").tqdm
+            bar = partial(tqdm, total=len(problems), unit="problem")
     if joblib is None:
         return list(bar(solved(solve, one, settings) for one in problems))
     tasks = [joblib.delayed(solved)(solve, one, settings) for one in problems]
@@ -99,21 +111,3 @@ def solved(solve: Callable[..., Any], problem: Any, settings: Mapping[str, Any])
         return solve(*problem, **settings)
     except Exception as error:
         return error.with_traceback(None)
-
-
-def bar_of(total: int) -> Callable[[Iterable[Any]], Iterable[Any]]:
-    """Return what shows a bar while it passes results on, if tqdm is installed."""
-    try:
-        return partial(import_module("tqdm").tqdm, total=total, unit="problem")
-    except ImportError:
-        return iter
-
-
-def needed_joblib() -> Any:
-    """Return the module joblib."""
-    try:
-        return import_module("joblib")
-    except ImportError as error:
-        raise ImportError(
-            'solve_many needs joblib unless n_jobs=1: pip install "namlcp[batch]"'
-        ) from error

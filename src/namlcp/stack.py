@@ -61,13 +61,13 @@ class Stack:
         self.stacked = {k for k, lead in leads.items() if int(np.prod(lead)) > 1}
         if self.lead and not self.stacked:
             self.stacked = {"q"}  # a stack of one item
-        self.flat = self.flattened(self.parts)
+        self.flat: dict[str, Any] = dict.fromkeys(AXES) | self.flattened(self.parts)
         found: Any
         if self.lead:
-            found = solve_batch(**arguments(self.flat), **settings)
+            found = solve_batch(**self.flat, **settings)
             solved, self.items = found.solved, found.problem
         else:
-            found = solve_qp(**arguments(self.flat), **settings)
+            found = solve_qp(**self.flat, **settings)
             solved = np.array([found.status is Status.SOLVED])
         values = found.x, found.y, found.z, found.z_box
         self.points = Point(
@@ -102,7 +102,7 @@ class Stack:
         which = self.solved.reshape(-1)
         found = differentiate_batch(self.items, self.points, which, flat, self.threads)
         return [
-            self.summed(k, getattr(found, k)) if asked and k in self.flat else None
+            self.summed(k, getattr(found, k)) if asked and k in self.parts else None
             for k, asked in zip(AXES, wanted, strict=True)
         ]
 
@@ -135,22 +135,19 @@ class Stack:
         for name, change in changes.items():
             refuse_number(f"d{name}", change, False)
         held, point = self.held
-        absent = {k: np.zeros(v.shape) for k, v in zip("qbh", point[:3], strict=True)}
+        parts = {"q": "x", "b": "y", "h": "z", "lb": "x", "ub": "x"}
+        absent = {k: np.zeros(getattr(point, part).shape) for k, part in parts.items()}
         d = absent | self.flattened(changes)
         r, dh, db = right_sides(d, point)
-        zero, m = absent["q"], dh.shape[-1]
-        side = held.sides[:, m:]
-        at_lower, at_upper = side < 0, side > 0
-        dx = at_lower * d.get("lb", zero) + at_upper * d.get("ub", zero)
-        pairs = zip((-r, db, dh, dx), self.points, strict=True)
-        right = tuple(np.broadcast_to(v, own.shape) for v, own in pairs)
-        found, _ = self.differentiated(right)
+        side = held.sides[:, point.z.shape[1] :]
+        dx = np.where(side > 0, d["ub"], d["lb"])  # read where x_j is held
+        found, _ = self.differentiated((-r, db, dh, dx))
         return self.shaped(Point(-found.q, found.b, found.h, found.lb + found.ub))
 
     @cached_property
     def items(self) -> Any:
         """A single QP as the `Items` of a batch."""
-        qp, given = qp_data(**arguments(self.flat)), (None, None, None)
+        qp, given = qp_data(**self.flat), (None, None, None)
         return SimpleNamespace(
             shared=qp, stacked={}, given=given, item=lambda _: (qp, given)
         )
@@ -158,7 +155,7 @@ class Stack:
     @cached_property
     def held(self) -> tuple[Found, Point]:
         """The constraints held of each item, and the solution with multipliers used."""
-        return self.differentiated((None, None, None, None))
+        return self.differentiated(tuple(map(np.zeros_like, self.points)))
 
     def faces(self) -> tuple[np.ndarray, np.ndarray]:
         """Return which rows of G are held active (1 or 0), and the side of each x_j.
@@ -169,11 +166,6 @@ class Stack:
         sides = sides.reshape(*self.lead, sides.shape[1])
         held, side = np.split(sides, [self.points.z.shape[1]], axis=-1)
         return held, side
-
-
-def arguments(parts: Arrays) -> dict[str, Any]:
-    """Return all arguments of a QP, None where there is none."""
-    return {name: parts.get(name) for name in AXES}
 
 
 def lead_of(name: str, part: np.ndarray) -> tuple[int, ...]:

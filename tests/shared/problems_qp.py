@@ -16,12 +16,12 @@ from scipy.sparse import (
 )
 
 from namlcp import Status, qp_residuals
-from namlcp.cli.files import mat_problem
 from namlcp.options import Options
 from namlcp.qp import NO_GUESS, QP
 from namlcp.qp.interior import solve_interior
 from namlcp.qp.judge import Judge
 from namlcp.qp.route import NO_TRANSFORMS, Memory
+from validation.problems.data_sets import mat_problem
 from validation.problems.draw import Known, around
 
 
@@ -157,7 +157,7 @@ DATA = Path(
 def maros_meszaros(name) -> QP:
     """Read a Maros-Meszaros problem."""
     path = DATA / "maros_meszaros" / f"{name}.mat"
-    return make_qp(*mat_problem(str(path)).unpack())
+    return make_qp(*mat_problem(path).unpack())
 
 
 def singular_block(seed, n) -> Known:

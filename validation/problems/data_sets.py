@@ -15,8 +15,9 @@ from pathlib import Path
 import numpy as np
 import scipy.sparse as sp
 from qpsolvers import Problem
+from scipy.io import loadmat
 
-from namlcp.cli.files import mat_problem
+from namlcp.cli.files import two_sided
 from validation.harness import MissingDataError, cli, tables
 
 INFINITY = 9e19  # 1e20 in the collection, in places rounded to slightly less
@@ -90,10 +91,20 @@ def maros_index(data: Path, problem_set: str) -> dict[str, dict[str, str]]:
     }
 
 
+def mat_problem(path: Path) -> Problem:
+    """Read l <= A x <= u as the collection stores it: its last rows are the bounds."""
+    data = loadmat(path, spmatrix=False)
+    P, C = sp.csc_matrix(data["P"]), sp.csr_matrix(data["A"])
+    q, low, high = (np.array(data[name], float).ravel() for name in "qlu")
+    low[low <= -INFINITY], high[high >= INFINITY] = -np.inf, np.inf
+    m = C.shape[0] - q.size
+    return two_sided(P, q, C[:m], low[:m], high[:m], low[m:], high[m:])
+
+
 def maros_problem(data: Path, name: str, dense: bool) -> Problem:
     """Read NAME.mat; bounds that are all infinite become None."""
     path = cli.require(data / "maros_meszaros" / f"{name}.mat")
-    P, q, G, h, A, b, lb, ub = mat_problem(str(path)).unpack()
+    P, q, G, h, A, b, lb, ub = mat_problem(path).unpack()
     if dense:
         P, G, A = (None if M is None else M.toarray() for M in (P, G, A))
     bounds = (v if np.isfinite(v).any() else None for v in (lb, ub))

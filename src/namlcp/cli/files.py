@@ -2,63 +2,60 @@
 
 Nothing is unpickled, evaluated or extracted, and the size that a file claims is checked
 before it is unpacked. Every fault is an exception whose text names it.
+
+MPS and QPS files are free or fixed, without blanks in names; the sections ROWS,
+COLUMNS, RHS, RANGES, BOUNDS as usual; OBJSENSE; the quadratic part 1/2 x'Px in QUADOBJ
+or QSECTION (one triangle of P) or QMATRIX (all of P). The objective is minimised: with
+OBJSENSE MAX its sign is changed. A constant in it is left out.
 """
 
 import gzip
-import math
-import os
 import re
-import struct
 import zipfile
-import zlib
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 import qpsolvers
 import scipy.sparse as sp
-from scipy.io import loadmat, whosmat
 
-from namlcp.checks import INFINITE, checked_order
-from namlcp.cli.mps import mps_problem, two_sided
 from namlcp.qp import QP
 
 MOST_BYTES = 2**31
 """Largest size of all arrays of a file together [bytes]."""
 
-MAT_NAMES = ("P", "q", "A", "l", "u")
-
 SAVED_NONE = re.compile(rb"\](\x94|q.)Nat(\x94|q.)b\.$", re.DOTALL)
 """The end of a pickled array that holds None alone: NumPy's for an absent part."""
+
+TRIANGLE, WHOLE = ("QUADOBJ", "QSECTION"), ("QMATRIX",)
+ONE_SIDED = "UP", "LO", "FX"
+WITHOUT_VALUE = {"FR": (-np.inf, np.inf), "MI": (-np.inf, None), "PL": (None, np.inf)}
 
 
 def read_problem(path: str) -> Any:
     """Read a qpsolvers.Problem, or A, q and the bounds of an LCP."""
-    name = path.lower().removesuffix(".gz")
-    if name.endswith(".mat"):
-        return mat_problem(path)
-    if name.endswith((".mps", ".qps")):
-        opened: Any = gzip.open if path.lower().endswith(".gz") else open
-        with opened(path, "rb") as stream:
-            text = stream.read(MOST_BYTES + 1)
-        bound(len(text))
-        return mps_problem(text.decode("latin-1").splitlines())
-    return npz_problem(path)
+    if not path.lower().removesuffix(".gz").endswith((".mps", ".qps")):
+        return npz_problem(path)
+    opened: Any = gzip.open if path.lower().endswith(".gz") else open
+    with opened(path, "rb") as stream:
+        text = stream.read(MOST_BYTES + 1)
+    bound(len(text))
+    return mps_problem(text.decode("latin-1").splitlines())
 
 
 def npz_problem(path: str) -> Any:
     """Read what qpsolvers.Problem.save wrote, or an LCP: A, q, and lower and upper."""
     with zipfile.ZipFile(path) as archive, np.load(path, allow_pickle=False) as arrays:
-        if "P" not in arrays and {"A", "q"} <= {*arrays}:
-            found = [name for name in ("A", "q", "lower", "upper") if name in arrays]
-            bound(sum(archive.getinfo(f"{name}.npy").file_size for name in found))
-            lcp = {name: read_array(archive, arrays, name) for name in found}
-            return lcp["A"], lcp["q"], lcp.get("lower"), lcp.get("upper")
-        for name in ("P", "q"):
-            if name not in arrays:
-                raise ValueError(f"it holds no {name}: not a qpsolvers problem")
-        names = [name for name in QP._fields if name in arrays]
+        is_lcp = "P" not in arrays and {"A", "q"} <= {*arrays}
+        fields = ("A", "q", "lower", "upper") if is_lcp else QP._fields
+        names = [name for name in fields if name in arrays]
         bound(sum(archive.getinfo(f"{name}.npy").file_size for name in names))
         data = {name: read_array(archive, arrays, name) for name in names}
+    if is_lcp:
+        return tuple(map(data.get, fields))
+    for name in ("P", "q"):
+        if name not in data:
+            raise ValueError(f"it holds no {name}: not a qpsolvers problem")
     return qpsolvers.Problem(**data)
 
 
@@ -72,66 +69,9 @@ def read_array(archive: zipfile.ZipFile, arrays: Any, name: str) -> np.ndarray |
         raise ValueError(
             f"{name} cannot be read (a sparse matrix? save it as a dense one): {error}"
         ) from None
-    refuse_kind(name, array.dtype)
+    if array.dtype.kind not in "biuf":
+        raise ValueError(f"{name} must hold real numbers, got dtype {array.dtype}")
     return array
-
-
-def mat_problem(path: str) -> qpsolvers.Problem:
-    """Read a Maros-Meszaros problem l <= A x <= u, its last n rows being the bounds."""
-    data = read_mat(path)
-    P, C = sp.csc_matrix(data["P"]), sp.csr_matrix(data["A"])
-    q, low, high = data["q"], data["l"], data["u"]
-    m = C.shape[0] - q.size
-    if m < 0 or low.size != C.shape[0] or high.size != C.shape[0]:
-        raise ValueError(
-            "A, l, u must have as many rows, at least one for each entry of "
-            f"q, got {C.shape[0]}, {low.size}, {high.size} for {q.size}"
-        )
-    low[low <= -INFINITE], high[high >= INFINITE] = -np.inf, np.inf
-    return two_sided(P, q, C[:m], low[:m], high[:m], low[m:], high[m:])
-
-
-def read_mat(path: str) -> dict[str, Any]:
-    """Return P, q, A, l and u of a Maros-Meszaros file, q, l, u as vectors."""
-    bound(unpacked_size(path))
-    listed = whosmat(path)
-    found = {name: (s, kind) for name, s, kind in listed if name in MAT_NAMES}
-    for name in MAT_NAMES:
-        if name not in found:
-            raise ValueError(f"it holds no {name}: not a Maros-Meszaros problem")
-    dense = [s for n, (s, kind) in found.items() if n in "qlu" or kind != "sparse"]
-    bound(sum(8 * math.prod(shape) for shape in dense))
-    bound(sum(8 * sum(s) for s, kind in found.values() if kind == "sparse"))
-    for name in MAT_NAMES:
-        if found[name][1] in ("cell", "struct", "object", "char", "function", "opaque"):
-            raise ValueError(f"{name} must hold real numbers, got a {found[name][1]}")
-    data = loadmat(path, variable_names=MAT_NAMES, spmatrix=False)
-    for name in MAT_NAMES:
-        refuse_kind(name, data[name].dtype)
-        if sp.issparse(data[name]):
-            checked_order(name, data[name])
-    for name in ("q", "l", "u"):
-        vector = data[name].toarray() if sp.issparse(data[name]) else data[name]
-        data[name] = np.array(vector, dtype=float).ravel()
-    return {name: data[name] for name in MAT_NAMES}
-
-
-def unpacked_size(path: str) -> int:
-    """Return the unpacked size [bytes] of a .mat file, counted up to MOST_BYTES."""
-    size = os.path.getsize(path)
-    with open(path, "rb") as stream:
-        order = "<" if stream.read(128)[126:128] == b"IM" else ">"
-        while len(tag := stream.read(8)) == 8 and size <= MOST_BYTES:
-            kind, length = struct.unpack(f"{order}II", tag)
-            end = stream.tell() + length
-            if kind == 15:  # miCOMPRESSED
-                engine = zlib.decompressobj()
-                packed = stream.read(length)
-                while packed and size <= MOST_BYTES:
-                    size += len(engine.decompress(packed, 2**20))
-                    packed = engine.unconsumed_tail
-            stream.seek(end)
-    return size
 
 
 def bound(size: int) -> None:
@@ -140,6 +80,141 @@ def bound(size: int) -> None:
         raise ValueError(f"its arrays claim {size:.1e} bytes, allowed are {MOST_BYTES}")
 
 
-def refuse_kind(name: str, dtype: np.dtype) -> None:
-    if dtype.kind not in "biuf":
-        raise ValueError(f"{name} must hold real numbers, got dtype {dtype}")
+class Model:
+    """What the lines of a file say."""
+
+    def __init__(self) -> None:
+        self.kinds: dict[str, str] = {}  # by row: L, G, E, or N (an objective)
+        self.columns: dict[str, int] = {}
+        self.entries: list[tuple[str, int, float]] = []
+        self.squares: list[tuple[int, int, float]] = []
+        self.sides: dict[str, float] = {}
+        self.ranges: dict[str, float] = {}
+        self.bounds: dict[int, list[float]] = {}
+        self.sign = 1.0
+
+    def read(self, section: str, words: list[str]) -> None:
+        if section == "ROWS":
+            kind, row = words
+            if kind not in ("N", "L", "G", "E"):
+                raise ValueError(f"row {row} is of the unknown kind {kind}")
+            self.kinds[row] = kind
+        elif section == "COLUMNS":
+            if "'MARKER'" in words:
+                raise ValueError("it has integer variables")
+            column = self.columns.setdefault(words[0], len(self.columns))
+            pairs = self.pairs(words[1:])
+            self.entries += [(row, column, value) for row, value in pairs]
+        elif section in ("RHS", "RANGES"):
+            sides = self.sides if section == "RHS" else self.ranges
+            sides.update(self.pairs(words[len(words) % 2 :]))
+        elif section == "BOUNDS":
+            self.bound(words)
+        elif section in TRIANGLE + WHOLE:
+            i, j = self.columns[words[0]], self.columns[words[1]]
+            self.squares.append((i, j, float(words[2])))
+            if section in TRIANGLE and i != j:
+                self.squares.append((j, i, float(words[2])))
+        elif section == "OBJSENSE":
+            self.sign = -1.0 if words[0].upper().startswith("MAX") else 1.0
+        else:
+            raise ValueError(f"the section {section} is unknown")
+
+    def pairs(self, words: list[str]) -> list[tuple[str, float]]:
+        """Return names of rows and numbers, which alternate; raise for other names."""
+        if len(words) % 2:
+            raise ValueError(f"a line has a name without a number: {' '.join(words)}")
+        found = [(words[k], float(words[k + 1])) for k in range(0, len(words), 2)]
+        for row, _ in found:
+            if row not in self.kinds:
+                raise ValueError(f"there is no row {row}")
+        return found
+
+    def bound(self, words: list[str]) -> None:
+        kind = words[0]
+        if kind not in ONE_SIDED and kind not in WITHOUT_VALUE:
+            raise ValueError(f"bounds of the kind {kind} are not of a QP")
+        count = 2 if kind in WITHOUT_VALUE else 3
+        name = words[1 if len(words) < count + 1 else 2]  # the set may have no name
+        ends = self.bounds.setdefault(self.columns[name], [0.0, np.inf])
+        if kind in WITHOUT_VALUE:
+            for k, end in enumerate(WITHOUT_VALUE[kind]):
+                ends[k] = ends[k] if end is None else end
+            return
+        value = float(words[-1])
+        if kind != "UP":
+            ends[0] = value
+        elif value < 0.0 == ends[0]:
+            ends[0] = -np.inf  # as other readers take it
+        if kind != "LO":
+            ends[1] = value
+
+    def problem(self) -> qpsolvers.Problem:
+        n = len(self.columns)
+        if n == 0:
+            raise ValueError("it has no columns")
+        q = np.zeros(n)
+        objective = next((r for r, kind in self.kinds.items() if kind == "N"), None)
+        rows = [row for row, kind in self.kinds.items() if kind != "N"]
+        place = {row: i for i, row in enumerate(rows)}
+        inside = [(place[row], j, v) for row, j, v in self.entries if row in place]
+        for row, j, v in self.entries:
+            if row == objective:
+                q[j] += v
+        C = matrix(inside, (len(rows), n)).tocsr()
+        low, high = np.array([self.interval(row) for row in rows]).reshape(-1, 2).T
+        P = self.sign * matrix(self.squares, (n, n))
+        ends = np.array([self.bounds.get(j, [0.0, np.inf]) for j in range(n)])
+        return two_sided(P, self.sign * q, C, low, high, *ends.T)
+
+    def interval(self, row: str) -> tuple[float, float]:
+        side, kind = self.sides.get(row, 0.0), self.kinds[row]
+        width = self.ranges.get(row)
+        low = side if kind in "GE" else -np.inf
+        high = side if kind in "LE" else np.inf
+        if width is None:
+            return low, high
+        if kind == "G" or (kind == "E" and width >= 0.0):
+            return low, side + abs(width)
+        return side - abs(width), high
+
+
+def two_sided(
+    P: Any, q: np.ndarray, C: Any, low: np.ndarray, high: np.ndarray, *box: np.ndarray
+) -> qpsolvers.Problem:
+    """Return the QP with the rows low <= C x <= high, C by rows; box: its bounds."""
+    equal = low == high
+    above, below = ~equal & np.isfinite(high), ~equal & np.isfinite(low)
+    G, h = sp.vstack([C[above], -C[below]], "csc"), np.append(high[above], -low[below])
+    A, b = sp.csc_matrix(C[equal]), high[equal]
+    rows = (G, h) if h.size else (None, None)
+    return qpsolvers.Problem(P, q, *rows, *((A, b) if b.size else (None, None)), *box)
+
+
+def matrix(
+    entries: list[tuple[int, int, float]], shape: tuple[int, int]
+) -> sp.csc_matrix:
+    """Return a matrix by its entries, row, column and value; repeated ones add up."""
+    rows, columns, values = zip(*entries, strict=True) if entries else ((), (), ())
+    return sp.csc_matrix((np.array(values, float), (rows, columns)), shape=shape)
+
+
+def mps_problem(lines: Iterable[str]) -> qpsolvers.Problem:
+    """Return the QP of the lines of a file."""
+    model, section = Model(), ""
+    for number, line in enumerate(lines, 1):
+        words = line.split()
+        if not words or line.startswith("*"):
+            continue
+        if not line[0].isspace():
+            section = words[0].upper()
+            if section == "ENDATA":
+                break
+            if section == "OBJSENSE" and len(words) > 1:
+                model.read(section, words[1:])
+            continue
+        try:
+            model.read(section, words)
+        except (ValueError, KeyError, IndexError) as error:
+            raise ValueError(f"line {number}: {error}") from None
+    return model.problem()

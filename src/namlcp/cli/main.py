@@ -20,11 +20,9 @@ import namlcp
 from namlcp.cli.files import read_problem
 from namlcp.options import DEFAULT_OPTIONS, RELAXATIONS, Options
 
-FILES = """FILE: a QP as qpsolvers' Problem.save writes it (.npz), in MPS or QPS (.mps,
-.qps, .gz), or of the Maros-Meszaros collection (.mat); an LCP as .npz of A, q and, if
-there are bounds, lower and upper. Exit status: 0 solved, 1 not solved, 2 wrong file or
-option."""
-OF_LCPS = "eps_abs", "eps_rel", "max_iter", "time_limit", "verbose", "method"
+FILES = """FILE: a QP as qpsolvers' Problem.save writes it (.npz), or in MPS or QPS
+(.mps, .qps, .gz); an LCP as .npz of A, q and, if there are bounds, lower and upper.
+Exit status: 0 solved, 1 not solved, 2 wrong file or option."""
 PACKAGES = """numpy scipy pyamg qpsolvers cvxpy torch jax cvxpylayers joblib dask
 pymetis matplotlib osqp piqp daqp clarabel highspy""".split()
 
@@ -44,9 +42,6 @@ def solve_file(path: str, args: dict[str, Any]) -> int:
         return 2
     is_qp = isinstance(problem, qpsolvers.Problem)
     try:
-        wrong = ["method"] if is_qp else settings.keys() - set(OF_LCPS)
-        for name in settings.keys() & set(wrong):
-            raise ValueError(f"{name} is no option of {'a QP' if is_qp else 'an LCP'}")
         if rivals and not is_qp:
             raise ValueError("--compare is for QPs")
         if is_qp:
@@ -77,44 +72,41 @@ def arrays_of(result: Any) -> dict[str, np.ndarray]:
     return {name: array for name, array in found.items() if array is not None}
 
 
-def record_of(result: Any) -> dict[str, Any]:
-    """Return a result as an object of JSON; null stands for what is not finite."""
+def summary_of(result: Any) -> dict[str, Any]:
+    """Return all of a result but its arrays."""
     is_qp = hasattr(result, "x")
-    numbers = {
+    found = {
+        "status": result.status.value,
+        "message": result.message or result.status.explanation,
+        "method": result.form if is_qp else result.method,
         "iterations": result.iterations,
         "setup_time": result.setup_time,
         "solve_time": result.solve_time,
     }
     if is_qp:
-        numbers |= {"objective": result.obj, **result.residuals._asdict()}
-    else:
-        numbers["residual"] = result.residual
-    values: dict[str, Any] = {**numbers, **arrays_of(result)}
-    for name, value in values.items():  # JSON has finite numbers alone
-        values[name] = np.where(np.isfinite(value), value, np.array(None)).tolist()
-    return {
-        "status": result.status.value,
-        "message": result.message or result.status.explanation,
-        "method": result.form if is_qp else result.method,
-        **values,
-    }
+        return found | result.residuals._asdict() | {"objective": result.obj}
+    return found | {"residual": result.residual}
+
+
+def record_of(result: Any) -> dict[str, Any]:
+    """Return a result as an object of JSON; null stands for what is not finite."""
+    record = summary_of(result) | arrays_of(result)
+    for name, value in record.items():  # JSON has finite numbers alone
+        if not isinstance(value, str):
+            record[name] = np.where(np.isfinite(value), value, np.array(None)).tolist()
+    return record
 
 
 def describe(result: Any) -> None:
-    is_qp = hasattr(result, "x")
-    message = result.message or result.status.explanation
-    print(f"status     {result.status.value}: {message}")
-    method = result.form if is_qp else result.method
-    print(f"method     {method}, {result.iterations} iterations")
-    if is_qp:
-        r = result.residuals
-        print(f"objective  {result.obj:.12g}")
-        print(
-            f"residuals  primal {r.primal:.1e}, dual {r.dual:.1e}, "
-            f"duality gap {r.gap:.1e}"
-        )
+    found = summary_of(result)
+    print("status     {status}: {message}".format(**found))
+    print("method     {method}, {iterations} iterations".format(**found))
+    if "objective" in found:
+        print("objective  {objective:.12g}".format(**found))
+        words = "residuals  primal {primal:.1e}, dual {dual:.1e}, duality gap {gap:.1e}"
+        print(words.format(**found))
     else:
-        print(f"residual   {result.residual:.1e}")
+        print("residual   {residual:.1e}".format(**found))
     print(f"time       {1e3 * (result.setup_time + result.solve_time):.3g} ms")
     if getattr(result, "closest", None) is not None:
         print(f"closest    objective {result.closest.obj:.12g}")
@@ -123,11 +115,7 @@ def describe(result: Any) -> None:
 def compare(
     problem: qpsolvers.Problem, rivals: list[str], settings: Mapping[str, Any]
 ) -> None:
-    """Print residuals and times of namlcp and other solvers; raise for unknown ones."""
-    unknown = [name for name in rivals if name not in qpsolvers.available_solvers]
-    if unknown:
-        known = ", ".join(qpsolvers.available_solvers)
-        raise ValueError(f"{unknown[0]} is not installed; there are {known}")
+    """Print residuals and times of namlcp and other solvers."""
     tolerances = {
         name: settings.get(name, getattr(DEFAULT_OPTIONS, name))
         for name in ("eps_abs", "eps_rel")

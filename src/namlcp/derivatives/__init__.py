@@ -3,15 +3,10 @@
 They take problems, points and factors; the methods of results call them.
 """
 
-from namlcp.derivatives.batch import (
-    BatchGradients,
-    Found,
-    differentiate_batch,
-    differentiate_items,
-)
 from namlcp.derivatives.closest import ClosestDerivative
 from namlcp.derivatives.directional import lcp_directional, qp_directional
 from namlcp.derivatives.gradients import (
+    BatchGradients,
     LCPGradients,
     LCPTangent,
     QPGradients,
@@ -19,4 +14,9 @@ from namlcp.derivatives.gradients import (
     right_sides,
 )
 from namlcp.derivatives.lcp import LCPDerivative
-from namlcp.derivatives.qp import QPDerivative
+from namlcp.derivatives.qp import (
+    Found,
+    QPDerivative,
+    differentiate_batch,
+    differentiate_items,
+)

@@ -37,10 +37,10 @@ cdef class DenseItem:
         double *S
         double *t
         double *s
-        # Zeros; work space.
+        # Zeros; work space; the array of all these.
         double *zero
         double *work
-        double *memory
+        object memory
         # The factors of the solve; whether they serve.
         DenseActiveSet kept
         bint keeps
@@ -54,7 +54,7 @@ cdef bint factor(DenseItem m) noexcept nogil
 cdef bint has_factor(double* M, Py_ssize_t n, double* diagonal) noexcept nogil
 cdef const double* row_at(DenseItem m, Py_ssize_t k) noexcept nogil
 cdef void solve_item(DenseItem m) noexcept nogil
-cdef void set_remainder(DenseItem m) noexcept nogil
+cdef void set_remainder(DenseItem m, bint are_zero) noexcept nogil
 cdef void correct(DenseItem m) noexcept nogil
 cdef void correct_by_kept(DenseActiveSet own, DenseItem m) noexcept nogil
 cdef int write_matrices(DenseItem m, tuple matrices) except -1

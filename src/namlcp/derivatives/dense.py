@@ -16,7 +16,6 @@ import cython
 import numpy as np
 from cython import Py_ssize_t
 from cython.cimports.libc.math import fabs, sqrt
-from cython.cimports.libc.stdlib import free, malloc
 from cython.cimports.namlcp.derivatives.marks import ACTIVE, mark
 from cython.cimports.namlcp.linalg.arrays import indices, numbers, places, signs
 from cython.cimports.namlcp.linalg.blas import (
@@ -56,10 +55,9 @@ class DenseItem:
         most, length, rows = max(n, max(m, p)), 4 * (n + m + p), m + p
         k = min(n, rows)
         size = most + length + 2 * (n + rows) + n * n + k * (n + k)
-        self.memory = cython.cast(cython.p_double, malloc(8 * size + 2 * (n + m)))
-        if self.memory == cython.NULL:
-            raise MemoryError("a derivative of this size needs more memory")
-        self.zero = self.memory
+        whole = size + (n + m) // 4 + 1  # in the end there are 2 (n + m) bytes
+        self.memory = np.empty(whole)
+        self.zero = numbers(self.memory, whole)
         fill(self.zero, 0.0, most)
         self.work = self.zero + most
         qp.Px, qp.Gtz, qp.Aty = self.work, self.work + n, self.work + 2 * n
@@ -69,11 +67,8 @@ class DenseItem:
         self.held = cython.cast(cython.p_Py_ssize_t, self.s + rows)
         self.free = self.held + rows
         self.L = cython.cast(cython.p_double, self.free + n)
-        self.strict = cython.cast(cython.p_schar, self.memory + size)
+        self.strict = cython.cast(cython.p_schar, self.zero + size)
         self.whole = self.strict + n + m
-
-    def __dealloc__(self):
-        free(self.memory)
 
     def take(self, qp, point, kept):
         """Take a single QP, its solution, and the factors of its solve or None.
@@ -118,12 +113,12 @@ class DenseItem:
         return (q, h, b, lb, ub), matrices
 
 
-def differentiate_items(chosen, arrays, found):
+def differentiate_part(chosen, arrays, found):
     """Write the gradients of the chosen items to their rows of `found`.
 
     arrays: P, q, G, h, A, b, lb, ub, x, y, z, z_box and the gradients in these four,
-    each with the numbers of one item after another, or of one item that stands for all,
-    or (gradients) None. found: a `Found` of zeros; an item that is singular remains so.
+    each with the numbers of one item after another, or of one item that stands for all.
+    found: a `Found` of zeros; an item that is singular remains so.
     """
     count: Py_ssize_t = found.q.shape[0]
     n: Py_ssize_t = found.q.shape[1]
@@ -191,17 +186,19 @@ def mark_item(m):
     qp = cython.address(m.qp)
     n, rows, size, share, norms = qp.n, qp.m, qp.Px, qp.Gx + qp.m, qp.Gx + 2 * qp.m
     times_rows(m.P, n, n, n, qp.x, size)
-    times_rows(m.G, rows, n, n, qp.x, qp.Gx)
     fill(qp.Gtz, 0.0, 2 * n)
-    add_times_transposed(m.G, rows, n, qp.z, qp.Gtz)
     add_times_transposed(m.A, qp.p, n, qp.y, qp.Aty)
+    for i in range(rows):  # each row is read once: of a large G that is the time
+        row = m.G + i * n
+        norms[i], qp.Gx[i] = sqrt(dot(row, row, n)), dot(row, qp.x, n)
+        if qp.z[i] != 0.0:
+            add_scaled(qp.z[i], row, qp.Gtz, n)
     for j in range(n):
         large = max(fabs(size[j]), max(fabs(qp.q[j]), fabs(qp.z_box[j])))
         large = max(large, max(fabs(qp.Gtz[j]), fabs(qp.Aty[j])))
         size[j] = 1.0 / large if large > 0.0 else 0.0
     for i in range(rows):
-        row, multiplier = m.G + i * n, qp.z[i]
-        norms[i], share[i] = sqrt(dot(row, row, n)), 0.0
+        row, multiplier, share[i] = m.G + i * n, qp.z[i], 0.0
         if multiplier > 0.0:
             for j in range(n):
                 share[i] = max(share[i], multiplier * fabs(row[j]) * size[j])
@@ -289,33 +286,42 @@ def solve_item(m):
     fill(m.nu, 0.0, qp.p)
     for j in range(qp.n):
         m.u[j] = m.of_box[j] if side[j] != 0 else 0.0
-    for _ in range(SOLVES):
-        set_remainder(m)
+    for k in range(SOLVES):
+        set_remainder(m, k == 0 and m.free_n == qp.n)
         if m.keeps:
             correct_by_kept(m.kept, m)
         else:
             correct(m)
-    set_remainder(m)
+    if m.free_n < qp.n:
+        set_remainder(m, False)  # for mu
     for j in range(qp.n):
         m.u[j] = 0.0 - m.u[j]
         m.upper[j] = m.lower[j] if side[j] > 0 else 0.0
         m.lower[j] = m.lower[j] if side[j] < 0 else 0.0
 
 
-def set_remainder(m):
-    """Set lower = of_x - P u - G'lam - A'nu, and s = (of_y - A u, of_z - G u)_held."""
+def set_remainder(m, are_zero):
+    """Set lower = of_x - P u - G'lam - A'nu, and s = (of_y - A u, of_z - G u)_held.
+
+    are_zero: u, lam and nu are 0; products with large matrices would take a while.
+    """
     qp, rest = cython.address(m.qp), m.lower
     n, p = qp.n, qp.p
     fill(rest, 0.0, n)
-    add_times_transposed(m.P, n, n, m.u, rest)  # P = P'
-    add_times_transposed(m.G, qp.m, n, m.lam, rest)
-    add_times_transposed(m.A, p, n, m.nu, rest)
+    if not are_zero:
+        add_times_transposed(m.P, n, n, m.u, rest)  # P = P'
+    for i in range(m.held_n):
+        k, row = m.held[i], row_at(m, m.held[i])
+        if k < p:
+            goal, multiplier = m.of_y[k], m.nu[k]
+        else:
+            goal, multiplier = m.of_z[k - p], m.lam[k - p]
+        m.s[i] = goal
+        if not are_zero:
+            m.s[i] -= dot(row, m.u, n)
+            add_scaled(multiplier, row, rest, n)
     for j in range(n):
         rest[j] = m.of_x[j] - rest[j]
-    for i in range(m.held_n):
-        k = m.held[i]
-        goal = m.of_y[k] if k < p else m.of_z[k - p]
-        m.s[i] = goal - dot(row_at(m, k), m.u, n)
 
 
 def correct(m):
@@ -362,7 +368,7 @@ def correct_by_kept(own, m):
     triangle_solve_transposed(own.triangle, own.k, goals)
     for i in range(own.k):
         k = own.active[i]
-        add_scaled(-goals[i], response_of(own, k), values, own.length)
+        add_scaled(-goals[i], response_of(own, k) + qp.m, values + qp.m, n + p)
         if k < qp.m:
             m.lam[k] += goals[i]
     add_scaled(1.0, values + qp.m, m.u, n)

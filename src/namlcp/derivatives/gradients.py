@@ -120,6 +120,26 @@ class QPGradients:
     P, G, A = map(formed, "PGA")
 
 
+@dataclass(eq=False, repr=False)
+class BatchGradients(QPGradients):
+    """Gradients of a scalar in the data of a batch of QPs.
+
+    Attributes
+    ----------
+    P, q, G, h, A, b, lb, ub : array or sparse array
+        With a leading axis of the items where the argument had one; else, as it was
+        shared, the sum over all items. P, G and A are formed at the first access.
+    used : (N,) bool array
+        Which items were solved; the others have gradients 0.
+    weak : (N,) array
+        As in `QPGradients`, for each item.
+    singular : (N,) bool array
+        The same.
+    """
+
+    used: np.ndarray
+
+
 def change(name: str, value: Any, other: str, own: Any) -> Any:
     """Return finite numbers of the caller, shaped as `own` is.
 
