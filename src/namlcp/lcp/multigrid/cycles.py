@@ -26,15 +26,10 @@ import numpy as np
 from namlcp.lcp.data import LCP, Criterion
 from namlcp.lcp.loops import relax_back, relax_csr
 from namlcp.lcp.multigrid.hierarchy import Hierarchy, hierarchy_of
-from namlcp.lcp.multigrid.kernels import (
-    mark_free,
-    move,
-    project_step,
-    residual_vector,
-)
 from namlcp.lcp.multigrid.vcycle import VCycle
 from namlcp.limits import Deadline, Limits
 from namlcp.linalg.columns import LEAST_DIVISOR
+from namlcp.linalg.csc import arrays_of
 from namlcp.measure import natural_residuals
 from namlcp.outcome import Outcome
 from namlcp.status import Status
@@ -74,53 +69,53 @@ class LevelLCP:
         """Begin at clip(0); box: lower, upper and scale."""
         self.cycle, self.k, self.q, self.box = cycle, k, q, box
         self.A = cycle.levels[k].A
-        self.w, self.x, self.Ax = np.empty((3, q.size))
         self.go_to(np.zeros(q.size))
 
     def go_to(self, z: np.ndarray) -> None:
         """Begin anew from clip(z), z being overwritten."""
         self.z = np.clip(z, *self.box[:2], out=z)
         self.settled, self.full_steps, self.begun = False, True, False
-        residual_vector(self.A, self.q, z, self.w)
-        self.update_residuals()
+        self.update(self.A @ z + self.q)
 
-    def update_residuals(self) -> None:
-        self.here, self.residual = natural_residuals(self.z, self.w, *self.box)
+    def update(self, w: np.ndarray) -> None:
+        self.w = w
+        self.here, self.residual = natural_residuals(self.z, w, *self.box)
 
     def smooth(self) -> None:
         lower, upper, _ = self.box
+        problem = *arrays_of(self.A), self.q, lower, upper
         for _ in range(SWEEPS):
-            relax_csr(*self.A, self.q, lower, upper, 1.0, self.z)
-            relax_back(*self.A, self.q, lower, upper, self.z)
-        residual_vector(self.A, self.q, self.z, self.w)
-        self.update_residuals()
+            relax_csr(*problem, 1.0, self.z)
+            relax_back(*problem, self.z)
+        self.update(self.A @ self.z + self.q)
 
     def correct(self, goal: float) -> None:
         """Solve on the face, no more accurately than Res <= goal needs, and move."""
         lower, upper, _ = self.box
-        z, w, x, Ax = self.z, self.w, self.x, self.Ax
-        d, dinv = self.cycle.levels[self.k].d, self.cycle.faces[self.k].dinv
-        changed = mark_free(d, z, lower, upper, dinv)
+        z, w, dinv = self.z, self.w, self.cycle.faces[self.k].dinv
+        free = (lower < z) & (z < upper)
+        changed = not np.array_equal(free, dinv != 0.0)
         if changed or not self.begun:
+            np.divide(free, self.cycle.levels[self.k].d, out=dinv)
             self.cycle.follow_face(self.k)
         self.settled = self.begun and not changed
         self.begun = True
         floor = FACE_GOAL * goal * (self.here / max(self.residual, LEAST_DIVISOR))
-        r = np.where(dinv != 0.0, -w, 0.0)
-        x.fill(0.0)
-        size, steps = float(np.linalg.norm(r)), SETTLED_FACE_STEPS
+        r, steps = np.where(free, -w, 0.0), SETTLED_FACE_STEPS
         if not self.settled:
-            floor, steps = max(NEW_FACE_REDUCTION * size, floor), NEW_FACE_STEPS
-        if size > floor:
-            self.cycle.krylov(self.k, r, floor, steps, x)
-        slope, curvature = project_step(self.A, z, w, lower, upper, x, Ax)
+            floor = max(NEW_FACE_REDUCTION * float(np.linalg.norm(r)), floor)
+            steps = NEW_FACE_STEPS
+        x = self.cycle.krylov(self.k, r, floor, steps)
+        x = np.clip(z + x, lower, upper) - z
+        Ax = self.A @ x
+        slope, curvature = float(w @ x), float(x @ Ax)
         step = 1.0
         if self.cycle.symmetric and -slope < curvature:
             step = max(0.0, -slope / curvature)
         if self.full_steps and step < SHORT_STEP:
             step = 1.0
-        move(step, x, Ax, lower, upper, z, w)
-        self.update_residuals()
+        np.clip(z + step * x, lower, upper, out=z)
+        self.update(w + step * Ax)
 
     def nest(self, deadline: Deadline) -> None:
         """Begin anew from clip(P z), z from the level below; on the last from clip(0).
@@ -130,10 +125,9 @@ class LevelLCP:
         z = np.zeros(self.q.size)
         if self.k + 1 < len(self.cycle.levels):
             level = self.cycle.levels[self.k]
-            q, (lower, upper, _) = np.empty(level.C.size), self.box
-            residual_vector(level.R, np.zeros(q.size), self.q, q)
-            box = lower[level.C], upper[level.C], np.ones(q.size)
-            below = LevelLCP(self.cycle, self.k + 1, q, *box)
+            lower, upper, _ = self.box
+            box = lower[level.C], upper[level.C], np.ones(level.C.size)
+            below = LevelLCP(self.cycle, self.k + 1, level.R @ self.q, *box)
             goal = NESTED_GOAL * below.residual
             below.nest(deadline)
             for _ in range(NESTED_CYCLES):
@@ -142,7 +136,7 @@ class LevelLCP:
                 below.smooth()
                 if below.residual > goal:
                     below.correct(goal)
-            residual_vector(level.P, np.zeros(z.size), below.z, z)
+            z = level.P @ below.z
         self.go_to(z)
 
 

@@ -24,11 +24,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy import sparse
 
-from namlcp.lcp.multigrid.kernels import residual_vector
 from namlcp.lcp.multigrid.vcycle import Level, VCycle
 from namlcp.lcp.prepared import Prepared
 from namlcp.limits import NEVER, Deadline
-from namlcp.linalg.csc import Compressed, arrays_of
+from namlcp.linalg.csc import arrays_of
 
 # Coarsening ends at MAX_COARSE unknowns; a matrix with more than MAX_DENSE left on the
 # last level, which gets a dense inverse, is refused.
@@ -84,12 +83,7 @@ class FreeSystem:
         x, r = np.zeros(b.size), np.where(self.free, scale * b, 0.0)
         goal = accuracy * float(np.linalg.norm(r))
         for _ in range(RESTARTS):
-            size = float(np.linalg.norm(r))
-            if not size > goal:
-                break
-            y = np.zeros(b.size)
-            self.cycle.krylov(0, r, goal, LINEAR_STEPS, y)
-            x += scale * y
+            x += scale * self.cycle.krylov(0, r, goal, LINEAR_STEPS)
             r = np.where(self.free, scale * (b - A @ x), 0.0)
         return x, bool(np.linalg.norm(r) <= goal)
 
@@ -191,13 +185,12 @@ def coarsen(
             if n > MAX_DENSE:
                 return None
             none = np.empty(0, dtype=np.int32)
-            P = Compressed(none, none, np.empty(0))
-            return [*levels, Level(arrays_of(A), diagonal, d, P, P, none)]
+            return [*levels, Level(A, diagonal, d, None, None, none)]
         if deadline.reached():
             return None
         P, C = found
         R = sparse.csr_array(P.T)
-        levels.append(Level(arrays_of(A), diagonal, d, arrays_of(P), arrays_of(R), C))
+        levels.append(Level(A, diagonal, d, P, R, C))
         A = sparse.csr_array(R @ A @ P)
         A.sort_indices()
         entries -= A.nnz
@@ -213,10 +206,10 @@ def measured_rate(levels: list[Level], symmetric: bool) -> float:
     cycle = VCycle(levels, symmetric)
     n = levels[0].d.size
     x = np.random.default_rng(0).standard_normal(n)
-    zero, r, y = np.zeros(n), np.empty(n), np.empty(n)
+    y = np.empty(n)
     size, rate = np.inf, 1.0
     for done in range(RATE_CYCLES + 1):
-        residual_vector(A, zero, x, r)
+        r = A @ x
         before, size = size, float(r @ x if symmetric else r @ r)
         if not 0.0 < size < np.inf:
             return 0.0 if size == 0.0 else np.inf
