@@ -24,7 +24,7 @@ import math
 import numpy as np
 
 from namlcp.lcp.data import LCP, Criterion
-from namlcp.lcp.loops import relax_back, relax_csr
+from namlcp.lcp.loops import relax
 from namlcp.lcp.multigrid.hierarchy import Hierarchy, hierarchy_of
 from namlcp.lcp.multigrid.vcycle import VCycle
 from namlcp.limits import Deadline, Limits
@@ -85,8 +85,8 @@ class LevelLCP:
         lower, upper, _ = self.box
         problem = *arrays_of(self.A), self.q, lower, upper
         for _ in range(SWEEPS):
-            relax_csr(*problem, 1.0, self.z)
-            relax_back(*problem, self.z)
+            relax(*problem, 1.0, self.z, 1)
+            relax(*problem, 1.0, self.z, -1)
         self.update(self.A @ self.z + self.q)
 
     def correct(self, goal: float) -> None:
