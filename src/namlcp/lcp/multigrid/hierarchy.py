@@ -206,7 +206,6 @@ def measured_rate(levels: list[Level], symmetric: bool) -> float:
     cycle = VCycle(levels, symmetric)
     n = levels[0].d.size
     x = np.random.default_rng(0).standard_normal(n)
-    y = np.empty(n)
     size, rate = np.inf, 1.0
     for done in range(RATE_CYCLES + 1):
         r = A @ x
@@ -215,8 +214,7 @@ def measured_rate(levels: list[Level], symmetric: bool) -> float:
             return 0.0 if size == 0.0 else np.inf
         rate = np.sqrt(size / before)
         if done < RATE_CYCLES:
-            cycle.solve(0, r, y)
-            x -= y
+            x -= cycle.solve(0, r)
     return float(rate)
 
 

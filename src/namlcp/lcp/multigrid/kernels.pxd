@@ -5,5 +5,4 @@ cdef double VANISHED
 cdef Columns rows_of(object M, Py_ssize_t n) except *
 cpdef void descend(object matrix, const int[::1] diagonal, object interpolation, const double[::1] dinv, const double[::1] b, double[::1] x, double[::1] coarse)
 cpdef void ascend(object matrix, const int[::1] diagonal, object interpolation, const double[::1] dinv, const double[::1] b, const double[::1] coarse, double[::1] x)
-cpdef void mark_dirty(object matrix, const double[::1] dinv, const unsigned char[::1] touched, unsigned char[::1] dirty)
-cpdef void truncate_coarse(object face, object P_rows, object R_rows, const int[::1] C, object coarse_rows, const double[::1] d, object below)
+cpdef void truncate_coarse(object level, object face, object below_level, object below)

@@ -82,21 +82,7 @@ def ascend(matrix, diagonal, interpolation, dinv, b, coarse, x):
             x[i] = r * dinv[i]
 
 
-def mark_dirty(matrix, dinv, touched, dirty):
-    """Write dirty: rows that are truncated, touched or have a truncated neighbour."""
-    n = dinv.shape[0]
-    A = rows_of(matrix, n)
-    with cython.nogil:
-        for i in range(n):
-            mark: cython.bint = touched[i] or dinv[i] == 0.0
-            k = A.indptr[i]
-            while not mark and k < A.indptr[i + 1]:
-                mark = dinv[A.indices[k]] == 0.0
-                k += 1
-            dirty[i] = mark
-
-
-def truncate_coarse(face, P_rows, R_rows, C, coarse_rows, d, below):
+def truncate_coarse(level, face, below_level, below):
     """Recompute the rows of A_c = P' T A T P that differ from P' A P, no others.
 
     Entries outside the pattern of P' A P are added, in modulus, to the diagonal. A
@@ -105,27 +91,33 @@ def truncate_coarse(face, P_rows, R_rows, C, coarse_rows, d, below):
     of P is free. Next to a long edge of the face these columns, cut off in the middle,
     slow down the cycles.)
 
-    `face` is that of the fine level after `mark_dirty`, R = P', `coarse` is P' A P, d
-    its diagonal. `below`, an earlier face on the coarse level, gets A_c in the pattern
-    of `coarse`, its dinv and touched.
+    `below`, an earlier face of the coarse level, gets A_c in the pattern of P' A P, its
+    dinv and touched.
     """
+    d: cython.double[::1] = below_level.d
+    C: cython.int[::1] = level.C
     dinv: cython.double[::1] = face.dinv
-    dirty: cython.uchar[::1] = face.dirty
+    fine_touched: cython.uchar[::1] = face.touched
     truncated: cython.double[::1] = below.A.data
     coarse_dinv: cython.double[::1] = below.dinv
     touched: cython.uchar[::1] = below.touched
     position: cython.int[::1] = below.position
     n, m = dinv.shape[0], d.shape[0]
-    A, P = rows_of(face.A, n), rows_of(P_rows, n)
-    R, coarse = rows_of(R_rows, m), rows_of(coarse_rows, m)
+    A, P = rows_of(face.A, n), rows_of(level.P, n)
+    R, coarse = rows_of(level.R, m), rows_of(below_level.A, m)
     with cython.nogil:
         for j in range(m):
             before = touched[j]
             now: cython.bint = False
-            for k in range(R.indptr[j], R.indptr[j + 1]):
-                now |= dirty[R.indices[k]]
-            touched[j] = now
             start, end = coarse.indptr[j], coarse.indptr[j + 1]
+            for k in range(R.indptr[j], R.indptr[j + 1]):
+                i = R.indices[k]
+                now |= fine_touched[i]
+                for t in range(A.indptr[i], A.indptr[i + 1]):
+                    now |= dinv[A.indices[t]] == 0.0
+                if now:
+                    break
+            touched[j] = now
             if not now:
                 coarse_dinv[j] = 1.0 / d[j]
                 if before:

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.linalg.blas import daxpy, dnrm2
 
-from namlcp.lcp.multigrid.kernels import ascend, descend, mark_dirty, truncate_coarse
+from namlcp.lcp.multigrid.kernels import ascend, descend, truncate_coarse
 
 # Condition number from which on the coarsest matrix gets a pseudo-inverse.
 SINGULAR_CONDITION = 1e13
@@ -31,17 +31,13 @@ class FaceOnLevel(NamedTuple):
 
     A: the matrix of the level, truncated by the faces of the finer levels. dinv (n,):
     1 / a_ii on F, 0 elsewhere. touched (n,): rows of A that differ from the matrix of
-    the level. dirty (n,): rows that `mark_dirty` marks. b, x (n,): right-hand side and
-    solution of a cycle, for the next finer level. position (n,): work of
-    `truncate_coarse`, empty while A is the matrix of the level itself.
+    the level. position (n,): work of `truncate_coarse`, empty while A is the matrix of
+    the level itself.
     """
 
     A: Any
     dinv: np.ndarray
     touched: np.ndarray
-    dirty: np.ndarray
-    b: np.ndarray
-    x: np.ndarray
     position: np.ndarray
 
 
@@ -57,10 +53,8 @@ class VCycle:
         self.symmetric = symmetric
         self.faces = []
         for level in levels:  # all unknowns are free
-            n = level.d.size
-            marks, vectors = np.zeros((2, n), np.uint8), np.empty((2, n))
-            parts = *marks, *vectors, np.empty(0, np.int32)
-            self.faces.append(FaceOnLevel(level.A, 1.0 / level.d, *parts))
+            touched, position = np.zeros(level.d.size, np.uint8), np.empty(0, np.int32)
+            self.faces.append(FaceOnLevel(level.A, 1.0 / level.d, touched, position))
         self.invert_coarsest()
 
     def follow_face(self, k: int) -> None:
@@ -72,9 +66,7 @@ class VCycle:
                 position = np.zeros(below.dinv.size, dtype=np.int32)
                 below = below._replace(A=below.A.copy(), position=position)
                 self.faces[fine + 1] = below
-            mark_dirty(face.A, face.dinv, face.touched, face.dirty)
-            transfer = level.P, level.R, level.C
-            truncate_coarse(face, *transfer, coarse.A, coarse.d, below)
+            truncate_coarse(level, face, coarse, below)
         self.invert_coarsest()
 
     def invert_coarsest(self) -> None:
@@ -84,16 +76,16 @@ class VCycle:
         self.inverse, block = np.zeros(face.A.shape), np.ix_(free, free)
         self.inverse[block] = inverse(face.A.toarray()[block], self.symmetric)
 
-    def solve(self, k: int, b: np.ndarray, x: np.ndarray) -> None:
-        """Write to x the V-cycle from level k on applied to b."""
+    def solve(self, k: int, b: np.ndarray) -> np.ndarray:
+        """Return the V-cycle from level k on applied to b."""
         if k == len(self.levels) - 1:
-            np.dot(self.inverse, b, out=x)
-            return
-        level, face, below = self.levels[k], self.faces[k], self.faces[k + 1]
+            return self.inverse @ b
+        level, face = self.levels[k], self.faces[k]
         A, P, dinv, diagonal = face.A, level.P, face.dinv, level.diagonal
-        descend(A, diagonal, P, dinv, b, x, below.b)
-        self.solve(k + 1, below.b, below.x)
-        ascend(A, diagonal, P, dinv, b, below.x, x)
+        x, coarse = np.empty_like(b), np.empty(level.C.size)
+        descend(A, diagonal, P, dinv, b, x, coarse)
+        ascend(A, diagonal, P, dinv, b, self.solve(k + 1, coarse), x)
+        return x
 
     def krylov(self, k: int, r: np.ndarray, goal: float, steps: int) -> np.ndarray:
         """Solve A_FF x = r on the face F of level k; return x, 0 outside F.
@@ -106,14 +98,14 @@ class VCycle:
         """
         A, free = self.levels[k].A, self.faces[k].dinv != 0.0
         x, p, Ap = np.zeros((3, r.size))
-        y, square = np.empty_like(r), 1.0
+        square = 1.0
         for _ in range(steps):
             if dnrm2(r) <= goal:
                 break
-            self.solve(k, r, y)
+            y = self.solve(k, r)
             Ay = np.where(free, A @ y, 0.0)
             overlap = float(Ay @ Ap) / square
-            p, Ap = daxpy(p, y.copy(), a=-overlap), daxpy(Ap, Ay, a=-overlap)
+            p, Ap = daxpy(p, y, a=-overlap), daxpy(Ap, Ay, a=-overlap)
             square = float(Ap @ Ap)
             if not square > 0.0:
                 break
