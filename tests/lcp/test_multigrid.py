@@ -6,7 +6,7 @@ from lcp_definition import assert_solves_lcp
 from scipy import sparse
 
 from namlcp import Prepared, Status, solve_lcp
-from namlcp.lcp.multigrid.vcycle import VCycle
+from namlcp.lcp.multigrid.hierarchy import VCycle
 from validation.problems import known_scenes
 from validation.problems.known_scenes import forced_obstacle
 

@@ -25,8 +25,7 @@ import numpy as np
 
 from namlcp.lcp.data import LCP, Criterion
 from namlcp.lcp.loops import relax
-from namlcp.lcp.multigrid.hierarchy import Hierarchy, hierarchy_of
-from namlcp.lcp.multigrid.vcycle import VCycle
+from namlcp.lcp.multigrid.hierarchy import Hierarchy, VCycle, hierarchy_of
 from namlcp.limits import Deadline, Limits
 from namlcp.linalg.columns import LEAST_DIVISOR
 from namlcp.linalg.csc import arrays_of
