@@ -70,25 +70,6 @@ def read_rows(indptr, indices, data, rows):
     return True
 
 
-def dominance_csr(indptr, indices, data, root):
-    """Return the largest row sums of |I - D^-1 A| and of |I - D^(-1/2) A D^(-1/2)|.
-
-    Either bounds rho(|I - D^-1 A|); if one is below 1, A is an H+ matrix. A is in CSR,
-    and root = sqrt(diag(A)) must be positive.
-    """
-    plain, scaled = 0.0, 0.0
-    for i in range(root.shape[0]):
-        off, off_scaled = 0.0, 0.0
-        for k in range(indptr[i], indptr[i + 1]):
-            j = indices[k]
-            if j != i:
-                off += fabs(data[k])
-                off_scaled += fabs(data[k]) / root[j]
-        plain = max(plain, off / (root[i] * root[i]))
-        scaled = max(scaled, off_scaled / root[i])
-    return plain, scaled
-
-
 def row_sums(indptr, indices, data, x, roundoff, least, own, others, margin):
     """Set the rows of D x and |A - D| x, and the largest error of their difference.
 
