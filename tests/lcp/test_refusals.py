@@ -14,7 +14,7 @@ KINDS = {"dense": np.asarray, "csr": sparse.csr_array}
 REFUSED = [
     ("lemke", {"cover": [1.0, 0.0]}, r"cover must be positive, got 0 at \(1\)"),
     ("lemke", {"cover": np.ones(3)}, r"cover must have shape \(2,\)"),
-    ("lemke", {"z0": np.ones(2)}, "z0 is not for method 'lemke'"),
+    ("lemke", {"z0": np.ones(2)}, "z0 is not a parameter of method 'lemke'"),
     ("lemke", {"alpha": 1.0}, "alpha is not a parameter of method 'lemke'"),
     ("auto", {"cover": 1.0}, "cover is not a parameter of method 'auto'"),
     ("psor", {"alpha": 0}, r"alpha must lie in \(0, 2\), got 0"),

@@ -35,15 +35,8 @@ def are_ordinary(q, lower, upper, n):
     return (size == 0.0 or 1e-90 < size < 1e90) and faults == 0
 
 
-def affine(A, z, q):
-    """Return A z + q for a dense A of a few rows."""
-    n: cython.Py_ssize_t = q.size
-    w = np.empty(n)
-    affine_at(numbers(A, n * n), numbers(z, n), numbers(q, n), numbers(w, n), n)
-    return w
-
-
 def affine_at(A, z, q, w, n):
+    """Write w = A z + q for a dense A of a few rows."""
     for i in range(n):
         w[i] = dot(A + i * n, z, n) + q[i]
 
@@ -68,25 +61,6 @@ def read_rows(indptr, indices, data, rows):
         coupling = rows[ABOVE, i] * rows[INVERSE, i]
         rows[ROOT, i] = 1.0 / sqrt(rows[DIAGONAL, i])
     return True
-
-
-def dominance_csr(indptr, indices, data, root):
-    """Return the largest row sums of |I - D^-1 A| and of |I - D^(-1/2) A D^(-1/2)|.
-
-    Either bounds rho(|I - D^-1 A|); if one is below 1, A is an H+ matrix. A is in CSR,
-    and root = sqrt(diag(A)) must be positive.
-    """
-    plain, scaled = 0.0, 0.0
-    for i in range(root.shape[0]):
-        off, off_scaled = 0.0, 0.0
-        for k in range(indptr[i], indptr[i + 1]):
-            j = indices[k]
-            if j != i:
-                off += fabs(data[k])
-                off_scaled += fabs(data[k]) / root[j]
-        plain = max(plain, off / (root[i] * root[i]))
-        scaled = max(scaled, off_scaled / root[i])
-    return plain, scaled
 
 
 def row_sums(indptr, indices, data, x, roundoff, least, own, others, margin):
@@ -117,80 +91,43 @@ def row_sums(indptr, indices, data, x, roundoff, least, own, others, margin):
 
 
 # ---- sweeps of projected SOR and Gauss-Seidel, for `psor` and multigrid
-#
-# Callers have checked that every diagonal entry is stored and positive. The one term of
-# a row that depends on the row before is added last: the chain of these limits the
-# speed.
 
 
-def relax_csr(indptr, indices, data, q, lower, upper, alpha, z):
+def relax(indptr, indices, data, q, lower, upper, alpha, z, way):
     """Overwrite z by one projected SOR sweep; return || D^(1/2) (z+ - z) ||_2.
 
     z_i <- clip(z_i - alpha (A z + q)_i / a_ii, l_i, u_i) with the newest values of z
-    (Cryer 1971). z must lie in [lower, upper]; A is sorted CSR without duplicates. The
+    (Cryer 1971), from the first row on (way = 1), or the last (-1). z must lie in
+    [lower, upper]; A is CSR without duplicates, every a_ii stored and positive. The
     returned number, D = diag(A), is about as large as Res of the problem scaled to a
     unit diagonal, but no bound for it.
+
+    The one term of a row that depends on the row before is added last: the chain of
+    these limits the speed.
     """
     n: cython.Py_ssize_t = z.size
     row, column = places(indptr, n + 1), places(indices, data.size)
     entry, x = numbers(data, data.size), numbers(z, n)
     c, l, u = numbers(q, n), numbers(lower, n), numbers(upper, n)
     total = 0.0
-    last = 0.0  # z of the row above
-    k: cython.Py_ssize_t = 0
+    last = 0.0  # z of the row before
+    i: cython.Py_ssize_t = 0 if way > 0 else n - 1
     with cython.nogil:
-        for i in range(n):
-            end = row[i + 1]
-            above = i - 1
+        for _ in range(n):
             xi = x[i]
-            r = c[i]  # becomes (A z + q)_i without the term of z_{i-1}
-            neighbour = 0.0  # a_{i, i-1}
-            while column[k] < above:
-                r += entry[k] * x[column[k]]
-                k += 1
-            if column[k] == above:
-                neighbour = entry[k]
-                k += 1
-            a = entry[k]  # a_ii
-            while k < end:
-                r += entry[k] * x[column[k]]
-                k += 1
+            r = c[i]  # becomes (A z + q)_i without the term of the row before
+            neighbour, a = 0.0, 0.0  # the entry of that, a_ii
+            for k in range(row[i], row[i + 1]):
+                j = column[k]
+                if j == i - way:
+                    neighbour = entry[k]
+                else:
+                    r += entry[k] * x[j]
+                    if j == i:
+                        a = entry[k]
             step = alpha / a
             last = clip((xi - r * step) - (neighbour * step) * last, l[i], u[i])
             x[i] = last
             total += a * (last - xi) * (last - xi)
+            i += way
     return sqrt(total)
-
-
-def relax_back(indptr, indices, data, q, lower, upper, z):
-    """Do what `relax_csr` does, alpha = 1, from the last row up; return nothing."""
-    n: cython.Py_ssize_t = z.size
-    row, column = places(indptr, n + 1), places(indices, data.size)
-    entry, x = numbers(data, data.size), numbers(z, n)
-    c, l, u = numbers(q, n), numbers(lower, n), numbers(upper, n)
-    last = 0.0  # z of the row below
-    k: cython.Py_ssize_t = row[n]
-    with cython.nogil:
-        for after in range(n, 0, -1):
-            i = after - 1
-            start = row[i]
-            r = c[i]
-            neighbour = 0.0  # a_{i, i+1}
-            a = 0.0  # the entry just read; a_ii after the first loop
-            while k > start:
-                k -= 1
-                j = column[k]
-                a = entry[k]
-                if j <= after:
-                    if j == after:
-                        neighbour = a
-                        k -= 1
-                        a = entry[k]
-                    break
-                r += a * x[j]
-            while k > start:
-                k -= 1
-                r += entry[k] * x[column[k]]
-            last = clip((-r - neighbour * last) / a, l[i], u[i])
-            x[i] = last
-    return 0

@@ -8,12 +8,12 @@ and w = A z + q is the gradient of f. The method works on the problem scaled to 
 diagonal (Jacobi preconditioning), y = D^(1/2) z, D = diag(A), with the gradient g. Its
 free gradient phi is g at the free variables, l < y < u, and 0 elsewhere; its chopped
 gradient beta is g at the active variables whose bound -g leaves, and 0 elsewhere. Each
-iteration takes one of these steps (Dostal 2009, algorithm 5.8):
+iteration takes one of these steps (Dostal 2009, algorithm 5.8, with phi in place of the
+reduced free gradient):
 
-- if beta'beta <= phi'phi_r, phi_r = ||A|| (y - clip(y - phi/||A||)), a conjugate
-  gradient step in the free variables; if that is infeasible, its projection where this
-  decreases f enough (Kruzik, Horak, Cermak, Pospisil and Pecha 2020), else its feasible
-  part;
+- if beta'beta <= phi'phi, a conjugate gradient step in the free variables; if that is
+  infeasible, its projection where this decreases f enough (Kruzik, Horak, Cermak,
+  Pospisil and Pecha 2020), else its feasible part;
 - otherwise a step along -beta, which frees variables.
 
 A direction v with A v = 0 along which f decreases without bound proves that there is no
@@ -157,11 +157,7 @@ class Descent:
         at_lower, at_upper = self.y <= self.lower, self.y >= self.upper
         inwards = np.where(at_lower, self.g < 0.0, at_upper & (self.g > 0.0))
         beta = np.where(inwards & ~(at_lower & at_upper), self.g, 0.0)
-        phi_r = self.phi
-        if self.norm > 0.0:
-            phi_r = self.y - self.clipped(self.y - (1.0 / self.norm) * phi_r)
-        reduced = float(self.phi @ phi_r) * (self.norm or 1.0)
-        keeps_active = float(beta @ beta) <= reduced
+        keeps_active = float(beta @ beta) <= float(self.phi @ self.phi)
         p = beta
         if keeps_active:
             p = self.phi if self.p is None else self.p

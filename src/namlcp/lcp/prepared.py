@@ -8,7 +8,7 @@ from scipy import sparse
 from scipy.sparse.linalg import LinearOperator
 
 from namlcp.checks import finite_square_matrix, vector
-from namlcp.lcp.loops import dominance_csr, read_rows
+from namlcp.lcp.loops import read_rows
 from namlcp.linalg.arrays import stamp_of_arrays
 from namlcp.linalg.columns import Columns, columns_of
 from namlcp.linalg.csc import arrays_of
@@ -148,10 +148,15 @@ class Prepared:
 
     @cached_property
     def dominance(self) -> float:
-        """Upper bound of rho(|I - D^-1 A|), inf if a diagonal entry is not positive."""
+        """Largest row sum of |I - D^(-1/2) A D^(-1/2)|, inf unless diag(A) > 0; A CSR.
+
+        It bounds rho(|I - D^-1 A|): below 1, A is an H+ matrix.
+        """
+        A, root = self.A, self.root
         if not np.all(self.diagonal > 0.0):
             return np.inf
-        return min(dominance_csr(*arrays_of(self.A), self.root))
+        sizes = sparse.csr_array((np.abs(A.data), A.indices, A.indptr), shape=A.shape)
+        return float(np.max(sizes @ (1.0 / root) / root, initial=1.0)) - 1.0
 
 
 class Operator:

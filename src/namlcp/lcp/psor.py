@@ -17,7 +17,7 @@ import math
 import numpy as np
 
 from namlcp.lcp.data import LCP, Criterion
-from namlcp.lcp.loops import relax_csr
+from namlcp.lcp.loops import relax
 from namlcp.limits import Limits
 from namlcp.linalg.csc import arrays_of
 from namlcp.status import ENDS, Outcome, Status
@@ -52,14 +52,14 @@ def solve_by_sweeps(
         # Symmetry is tested only if Young's alpha may do.
         if mu <= YOUNG_IS_SAFE or (promised <= criterion.goal and lcp.matrix.symmetric):
             alpha = young
-    status, k = relax(z, alpha, most, criterion)
+    status, k = relax_until(z, alpha, most, criterion)
     outcome = lcp.outcome(status, z, lcp.w(z), k, "psor")
     if limits.report is not None and status in ENDS:
         limits.report(k, outcome.residuals, lcp.active(z))
     return outcome
 
 
-def relax(
+def relax_until(
     z: np.ndarray, alpha: float, most: int, criterion: Criterion
 ) -> tuple[Status, int]:
     """Sweep from z, which is overwritten, until the criterion accepts it.
@@ -73,7 +73,7 @@ def relax(
     arrays = arrays_of(lcp.A)
     checked, checked_at, slow = 0.0, 1, 0
     for k in range(1, most + 1):
-        moved = relax_csr(*arrays, q, lower, upper, alpha, z)
+        moved = relax(*arrays, q, lower, upper, alpha, z, 1)
         guess = moved * min(1.0, moved / before) if k > 1 else moved
         if guess < goal or moved == 0.0:
             if criterion.accepts(z, lcp.w(z)):

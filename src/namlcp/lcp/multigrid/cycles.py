@@ -24,18 +24,12 @@ import math
 import numpy as np
 
 from namlcp.lcp.data import LCP, Criterion
-from namlcp.lcp.loops import relax_back, relax_csr
-from namlcp.lcp.multigrid.hierarchy import Hierarchy, hierarchy_of
-from namlcp.lcp.multigrid.kernels import (
-    mark_free,
-    move,
-    project_step,
-    residual_vector,
-)
-from namlcp.lcp.multigrid.vcycle import VCycle
+from namlcp.lcp.loops import relax
+from namlcp.lcp.multigrid.hierarchy import Hierarchy, VCycle, hierarchy_of
 from namlcp.limits import Deadline, Limits
 from namlcp.linalg.columns import LEAST_DIVISOR
-from namlcp.measure import natural_residuals
+from namlcp.linalg.csc import arrays_of
+from namlcp.residuals import natural_residual
 from namlcp.status import Outcome, Status
 
 # Cycles at most, by default; suitable matrices need less than 10. Pairs of a forward
@@ -62,64 +56,60 @@ SHORT_STEP = 0.5
 class LevelLCP:
     """The LCP of one level, its iterate z with w = A z + q, and the parts of a cycle.
 
-    z times `scale` has a unit diagonal on the finest level. `here` is Res in the
-    scaling of the hierarchy, `residual` Res on the finest level of the problem scaled
-    to a unit diagonal, on coarse levels the same as `here`. `settled`: the last
+    All is in the scaling of the hierarchy; `residual` is Res. `settled`: the last
     correction met an unchanged face. `full_steps`: short line searches are replaced by
     full steps.
     """
 
     def __init__(self, cycle: VCycle, k: int, q: np.ndarray, *box: np.ndarray):
-        """Begin at clip(0); box: lower, upper and scale."""
+        """Begin at clip(0); box: lower and upper."""
         self.cycle, self.k, self.q, self.box = cycle, k, q, box
         self.A = cycle.levels[k].A
-        self.w, self.x, self.Ax = np.empty((3, q.size))
         self.go_to(np.zeros(q.size))
 
     def go_to(self, z: np.ndarray) -> None:
         """Begin anew from clip(z), z being overwritten."""
-        self.z = np.clip(z, *self.box[:2], out=z)
+        self.z = np.clip(z, *self.box, out=z)
         self.settled, self.full_steps, self.begun = False, True, False
-        residual_vector(self.A, self.q, z, self.w)
-        self.update_residuals()
+        self.update(self.A @ z + self.q)
 
-    def update_residuals(self) -> None:
-        self.here, self.residual = natural_residuals(self.z, self.w, *self.box)
+    def update(self, w: np.ndarray) -> None:
+        self.w, self.residual = w, natural_residual(self.z, w, *self.box)
 
     def smooth(self) -> None:
-        lower, upper, _ = self.box
+        problem = *arrays_of(self.A), self.q, *self.box
         for _ in range(SWEEPS):
-            relax_csr(*self.A, self.q, lower, upper, 1.0, self.z)
-            relax_back(*self.A, self.q, lower, upper, self.z)
-        residual_vector(self.A, self.q, self.z, self.w)
-        self.update_residuals()
+            relax(*problem, 1.0, self.z, 1)
+            relax(*problem, 1.0, self.z, -1)
+        self.update(self.A @ self.z + self.q)
 
     def correct(self, goal: float) -> None:
         """Solve on the face, no more accurately than Res <= goal needs, and move."""
-        lower, upper, _ = self.box
-        z, w, x, Ax = self.z, self.w, self.x, self.Ax
-        d, dinv = self.cycle.levels[self.k].d, self.cycle.faces[self.k].dinv
-        changed = mark_free(d, z, lower, upper, dinv)
+        lower, upper = self.box
+        z, w, dinv = self.z, self.w, self.cycle.faces[self.k].dinv
+        free = (lower < z) & (z < upper)
+        changed = not np.array_equal(free, dinv != 0.0)
         if changed or not self.begun:
+            np.divide(free, self.cycle.levels[self.k].d, out=dinv)
             self.cycle.follow_face(self.k)
         self.settled = self.begun and not changed
         self.begun = True
-        floor = FACE_GOAL * goal * (self.here / max(self.residual, LEAST_DIVISOR))
-        r = np.where(dinv != 0.0, -w, 0.0)
-        x.fill(0.0)
-        size, steps = float(np.linalg.norm(r)), SETTLED_FACE_STEPS
+        floor = FACE_GOAL * goal
+        r, steps = np.where(free, -w, 0.0), SETTLED_FACE_STEPS
         if not self.settled:
-            floor, steps = max(NEW_FACE_REDUCTION * size, floor), NEW_FACE_STEPS
-        if size > floor:
-            self.cycle.krylov(self.k, r, floor, steps, x)
-        slope, curvature = project_step(self.A, z, w, lower, upper, x, Ax)
+            floor = max(NEW_FACE_REDUCTION * float(np.linalg.norm(r)), floor)
+            steps = NEW_FACE_STEPS
+        x = self.cycle.krylov(self.k, r, floor, steps)
+        x = np.clip(z + x, lower, upper) - z
+        Ax = self.A @ x
+        slope, curvature = float(w @ x), float(x @ Ax)
         step = 1.0
         if self.cycle.symmetric and -slope < curvature:
             step = max(0.0, -slope / curvature)
         if self.full_steps and step < SHORT_STEP:
             step = 1.0
-        move(step, x, Ax, lower, upper, z, w)
-        self.update_residuals()
+        np.clip(z + step * x, lower, upper, out=z)
+        self.update(w + step * Ax)
 
     def nest(self, deadline: Deadline) -> None:
         """Begin anew from clip(P z), z from the level below; on the last from clip(0).
@@ -129,10 +119,8 @@ class LevelLCP:
         z = np.zeros(self.q.size)
         if self.k + 1 < len(self.cycle.levels):
             level = self.cycle.levels[self.k]
-            q, (lower, upper, _) = np.empty(level.C.size), self.box
-            residual_vector(level.R, np.zeros(q.size), self.q, q)
-            box = lower[level.C], upper[level.C], np.ones(q.size)
-            below = LevelLCP(self.cycle, self.k + 1, q, *box)
+            box = (bound[level.C] for bound in self.box)
+            below = LevelLCP(self.cycle, self.k + 1, level.R @ self.q, *box)
             goal = NESTED_GOAL * below.residual
             below.nest(deadline)
             for _ in range(NESTED_CYCLES):
@@ -141,7 +129,7 @@ class LevelLCP:
                 below.smooth()
                 if below.residual > goal:
                     below.correct(goal)
-            residual_vector(level.P, np.zeros(z.size), below.z, z)
+            z = level.P @ below.z
         self.go_to(z)
 
 
@@ -162,61 +150,47 @@ def solve_by_multigrid(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outco
         z = lcp.start(z0)
         return lcp.outcome(Status.TIME_LIMIT, z, lcp.w(z), 0, "multigrid")
     solver = MultigridSolver(lcp, hierarchy, Criterion(lcp, limits))
-    status = solver.run(z0, limits)
-    return lcp.outcome(
-        status, *solver.users_point(solver.best), solver.done, "multigrid"
-    )
+    status, z = solver.run(z0, limits), solver.best
+    return lcp.outcome(status, z, lcp.w(z), solver.done, "multigrid")
 
 
 class MultigridSolver:
-    """One solve: the best point so far in the scaling of the hierarchy and its Res.
+    """One solve: z, its Res of the problem as given, and scaled to a unit diagonal.
 
-    `least` is this Res, `done` the number of cycles on the finest level.
+    `least` is the least scaled Res so far, that of the point `best`; `done` the number
+    of cycles on the finest level.
     """
 
     def __init__(self, lcp: LCP, hierarchy: Hierarchy, criterion: Criterion):
-        self.lcp, self.scale = lcp, hierarchy.scale
-        self.cycle = VCycle(hierarchy.levels, hierarchy.symmetric)
-        S, root = hierarchy.scale, np.sqrt(hierarchy.levels[0].d)
-        box = lcp.lower / S, lcp.upper / S, root
-        self.top = LevelLCP(self.cycle, 0, S * lcp.q, *box)
-        self.accepts, self.goal = criterion.accepts, criterion.goal
-        self.best, self.least = self.top.z.copy(), math.inf
-        self.done = 0
-
-    def users_point(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return z in the caller's scaling, and w = A z + q."""
-        z = np.clip(self.scale * z, self.lcp.lower, self.lcp.upper)
-        return z, self.lcp.w(z)
+        self.lcp, self.criterion, S = lcp, criterion, hierarchy.scale
+        self.cycle, self.scale = VCycle(hierarchy.levels, hierarchy.symmetric), S
+        self.top = LevelLCP(self.cycle, 0, S * lcp.q, lcp.lower / S, lcp.upper / S)
+        self.best, self.least, self.done = lcp.start(), math.inf, 0
 
     def is_solved(self) -> bool:
-        """Keep the iterate if it is the best; tell whether the criterion accepts it.
+        """Look at the iterate, keep the best; tell whether the criterion accepts it.
 
-        The criterion is evaluated only if Res(z), with a unit diagonal, is at most
-        `goal`; if it fails, `goal` is divided by 10.
+        That costs a product with A, and is asked where the w of the cycle meets it.
         """
-        top = self.top
-        if top.residual < self.least:
-            self.least = top.residual
-            np.copyto(self.best, top.z)
-        if not top.residual <= self.goal:
-            return False
-        if self.accepts(*self.users_point(top.z)):
-            np.copyto(self.best, top.z)
-            return True
-        self.goal *= 0.1
-        return False
+        lcp, top, criterion = self.lcp, self.top, self.criterion
+        self.z = z = np.clip(self.scale * top.z, lcp.lower, lcp.upper)
+        self.plain, self.residual = criterion.residuals(z, top.w / self.scale)
+        near = criterion.met(self.plain, self.residual)
+        solved = near and criterion.accepts(z, lcp.w(z))
+        if solved or self.residual < self.least:
+            self.best, self.least = z, self.residual
+        return solved
 
     def run(self, z0: np.ndarray | None, limits: Limits) -> Status:
         """Start from z0 if that is close to the solution, else nested; then cycle."""
         deadline, max_cycles = limits.deadline, limits.max_iter or MAX_CYCLES
-        top = self.top
-        solved, cold, warm = self.is_solved(), top.residual, False
+        top, goal = self.top, self.criterion.goal
+        solved, cold, warm = self.is_solved(), self.residual, False
         if z0 is not None and not solved:
             with np.errstate(over="ignore"):
                 top.go_to(z0 / self.scale)
-            warm = top.residual <= max(WARM_RESIDUAL * cold, self.goal)
-            solved = self.is_solved() and warm
+            solved = self.is_solved()
+            warm = self.residual <= max(WARM_RESIDUAL * cold, goal)
         if not (solved or warm):
             top.nest(deadline)
             solved = self.is_solved()
@@ -226,18 +200,16 @@ class MultigridSolver:
         while self.done < max_cycles:
             if deadline.reached():
                 return Status.TIME_LIMIT
-            before, least = top.residual, self.least
+            before, least = self.residual, self.least
             self.done += 1
             top.smooth()
             solved = self.is_solved()
             if not solved:
-                top.correct(self.goal)
+                unit = top.residual / max(self.residual, LEAST_DIVISOR)
+                top.correct(unit * goal)
                 solved = self.is_solved()
             if limits.report is not None:
-                lower, upper, _ = top.box
-                active = np.count_nonzero((top.z == lower) | (top.z == upper))
-                residual = self.lcp.residual(*self.users_point(top.z))
-                limits.report(self.done, residual, active)
+                limits.report(self.done, self.plain, self.lcp.active(self.z))
             if solved:
                 return Status.SOLVED
             if warm and self.done == WARM_CYCLES:
@@ -246,7 +218,7 @@ class MultigridSolver:
                 top.nest(deadline)
                 continue
             fruitless = 0 if self.least < least else fruitless + 1
-            is_slow = top.settled and not top.residual <= 0.5 * before
+            is_slow = top.settled and not self.residual <= 0.5 * before
             slow = slow + 1 if is_slow else 0
             if slow >= SLOW_CYCLES:
                 return Status.STALLED

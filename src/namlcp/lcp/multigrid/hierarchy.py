@@ -1,7 +1,7 @@
-"""Ruge and Stueben's hierarchy of a sparse matrix, with a measured convergence rate.
+"""Ruge and Stueben's hierarchy of a sparse matrix, and its V-cycles on a face.
 
-If the V-cycle contracts too slowly, as on irregular meshes, the coarsening is repeated
-with its second pass; if that is not enough, the matrix is refused.
+If the V(1,1)-cycle contracts too slowly, as on irregular meshes, the coarsening is
+repeated with its second pass; if that is not enough, the matrix is refused.
 
 For nonsymmetric A the C/F splitting uses the strong couplings of A and of A', since
 both restriction and interpolation need coarse neighbours. With those of A alone, cycles
@@ -23,12 +23,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import sparse
+from scipy.linalg.blas import daxpy, dnrm2
 
-from namlcp.lcp.multigrid.kernels import residual_vector
-from namlcp.lcp.multigrid.vcycle import Level, VCycle
+from namlcp.lcp.multigrid.kernels import ascend, descend, truncate_coarse
 from namlcp.lcp.prepared import Prepared
 from namlcp.limits import NEVER, Deadline
-from namlcp.linalg.csc import Compressed, arrays_of
+from namlcp.linalg.csc import arrays_of
 
 # Coarsening ends at MAX_COARSE unknowns; a matrix with more than MAX_DENSE left on the
 # last level, which gets a dense inverse, is refused.
@@ -51,6 +51,122 @@ LINEAR_STEPS, RESTARTS = 100, 3
 FAR_FROM_ONE = 1e8
 # Difference up to which two relative row sums count as equal.
 EQUAL_SUMS = 1e-12
+# Condition number from which on the coarsest matrix gets a pseudo-inverse.
+SINGULAR_CONDITION = 1e13
+
+
+class Level(NamedTuple):
+    """One level of a hierarchy; P, R and C lead to the next, empty on the last.
+
+    A : (n, n). diagonal, d : positions and values of its diagonal entries. P : (n, m),
+    interpolation; R = P'; all csr_arrays. C : (m,), index of each coarse unknown.
+    """
+
+    A: Any
+    diagonal: np.ndarray
+    d: np.ndarray
+    P: Any
+    R: Any
+    C: np.ndarray
+
+
+class FaceOnLevel(NamedTuple):
+    """The free unknowns F of one level, and what follows from them.
+
+    A: the matrix of the level, truncated by the faces of the finer levels. dinv (n,):
+    1 / a_ii on F, 0 elsewhere. touched (n,): rows of A that differ from the matrix of
+    the level. position (n,): work of `truncate_coarse`, empty while A is the matrix of
+    the level itself.
+    """
+
+    A: Any
+    dinv: np.ndarray
+    touched: np.ndarray
+    position: np.ndarray
+
+
+class VCycle:
+    """Approximate inverses of A_FF on the levels of a hierarchy.
+
+    A caller sets a face in faces[k].dinv and calls `follow_face`, which changes coarser
+    levels only; so faces on several levels must be set from the coarsest level up.
+    """
+
+    def __init__(self, levels: list[Level], symmetric: bool):
+        self.levels = levels
+        self.symmetric = symmetric
+        self.faces = []
+        for level in levels:  # all unknowns are free
+            touched, position = np.zeros(level.d.size, np.uint8), np.empty(0, np.int32)
+            self.faces.append(FaceOnLevel(level.A, 1.0 / level.d, touched, position))
+        self.invert_coarsest()
+
+    def follow_face(self, k: int) -> None:
+        """Truncate the levels coarser than k after a change of faces[k].dinv."""
+        for fine in range(k, len(self.levels) - 1):
+            level, coarse = self.levels[fine], self.levels[fine + 1]
+            face, below = self.faces[fine], self.faces[fine + 1]
+            if not below.position.size:  # its matrix is still that of the level
+                position = np.zeros(below.dinv.size, dtype=np.int32)
+                below = below._replace(A=below.A.copy(), position=position)
+                self.faces[fine + 1] = below
+            truncate_coarse(level, face, coarse, below)
+        self.invert_coarsest()
+
+    def invert_coarsest(self) -> None:
+        """Invert the free block of the last level."""
+        face = self.faces[-1]
+        free = np.flatnonzero(face.dinv)
+        self.inverse, block = np.zeros(face.A.shape), np.ix_(free, free)
+        self.inverse[block] = inverse(face.A.toarray()[block], self.symmetric)
+
+    def solve(self, k: int, b: np.ndarray) -> np.ndarray:
+        """Return the V-cycle from level k on applied to b."""
+        if k == len(self.levels) - 1:
+            return self.inverse @ b
+        level, face = self.levels[k], self.faces[k]
+        A, P, dinv, diagonal = face.A, level.P, face.dinv, level.diagonal
+        x, coarse = np.empty_like(b), np.empty(level.C.size)
+        descend(A, diagonal, P, dinv, b, x, coarse)
+        ascend(A, diagonal, P, dinv, b, self.solve(k + 1, coarse), x)
+        return x
+
+    def krylov(self, k: int, r: np.ndarray, goal: float, steps: int) -> np.ndarray:
+        """Solve A_FF x = r on the face F of level k; return x, 0 outside F.
+
+        Each step makes the residual least along the image of the V-cycle, which is made
+        orthogonal to the image before (Orthomin(1): Vinsome, SPE 5729, 1976). It ends
+        at a residual of at most `goal`, or after `steps` steps. On these matrices it
+        takes as many V-cycles as conjugate gradients, or as BiCGStab where A is not
+        symmetric.
+        """
+        A, free = self.levels[k].A, self.faces[k].dinv != 0.0
+        x, p, Ap = np.zeros((3, r.size))
+        square = 1.0
+        for _ in range(steps):
+            if dnrm2(r) <= goal:
+                break
+            y = self.solve(k, r)
+            Ay = np.where(free, A @ y, 0.0)
+            overlap = float(Ay @ Ap) / square
+            p, Ap = daxpy(p, y, a=-overlap), daxpy(Ap, Ay, a=-overlap)
+            square = float(Ap @ Ap)
+            if not square > 0.0:
+                break
+            step = float(r @ Ap) / square
+            x, r = daxpy(p, x, a=step), daxpy(Ap, r, a=-step)
+        return x
+
+
+def inverse(B: np.ndarray, symmetric: bool) -> Any:
+    """Return the inverse of a small dense matrix, the pseudo-inverse if singular."""
+    try:
+        X = np.linalg.inv(B)
+        if np.linalg.norm(B) * np.linalg.norm(X) < SINGULAR_CONDITION:
+            return X
+    except np.linalg.LinAlgError:
+        pass
+    return np.linalg.pinv(B, rcond=1.0 / SINGULAR_CONDITION, hermitian=symmetric)
 
 
 class Hierarchy(NamedTuple):
@@ -84,12 +200,7 @@ class FreeSystem:
         x, r = np.zeros(b.size), np.where(self.free, scale * b, 0.0)
         goal = accuracy * float(np.linalg.norm(r))
         for _ in range(RESTARTS):
-            size = float(np.linalg.norm(r))
-            if not size > goal:
-                break
-            y = np.zeros(b.size)
-            self.cycle.krylov(0, r, goal, LINEAR_STEPS, y)
-            x += scale * y
+            x += scale * self.cycle.krylov(0, r, goal, LINEAR_STEPS)
             r = np.where(self.free, scale * (b - A @ x), 0.0)
         return x, bool(np.linalg.norm(r) <= goal)
 
@@ -151,21 +262,16 @@ def scaling(A: Any) -> np.ndarray:
     """Return the diagonal of S, the better one of I and D^-1/2.
 
     Better is the smaller median of |row sum| / diagonal of S A S. If the diagonal is
-    far from 1, a power of 2 replaces I, since pyamg's weights are not scale invariant.
+    far from 1, it is D^-1/2, since pyamg's weights are not scale invariant.
     """
     d = A.diagonal()
     if not d.size:
         return d
-    ones = np.ones(d.size)
-    root = 1.0 / np.sqrt(d)
+    ones, root = np.ones(d.size), 1.0 / np.sqrt(d)
     plain = np.median(np.abs(A @ ones) / d)
     scaled = np.median(np.abs(A @ root) * root)
-    if scaled < plain - EQUAL_SUMS:
-        return root
-    largest = float(d.max())
-    if 1.0 / FAR_FROM_ONE < largest < FAR_FROM_ONE:
-        return ones
-    return ones * 2.0 ** -round(0.5 * math.log2(largest))
+    is_near = 1.0 / FAR_FROM_ONE < float(d.max()) < FAR_FROM_ONE
+    return ones if is_near and scaled >= plain - EQUAL_SUMS else root
 
 
 def coarsen(
@@ -191,13 +297,12 @@ def coarsen(
             if n > MAX_DENSE:
                 return None
             none = np.empty(0, dtype=np.int32)
-            P = Compressed(none, none, np.empty(0))
-            return [*levels, Level(arrays_of(A), diagonal, d, P, P, none)]
+            return [*levels, Level(A, diagonal, d, None, None, none)]
         if deadline.reached():
             return None
         P, C = found
         R = sparse.csr_array(P.T)
-        levels.append(Level(arrays_of(A), diagonal, d, arrays_of(P), arrays_of(R), C))
+        levels.append(Level(A, diagonal, d, P, R, C))
         A = sparse.csr_array(R @ A @ P)
         A.sort_indices()
         entries -= A.nnz
@@ -213,17 +318,15 @@ def measured_rate(levels: list[Level], symmetric: bool) -> float:
     cycle = VCycle(levels, symmetric)
     n = levels[0].d.size
     x = np.random.default_rng(0).standard_normal(n)
-    zero, r, y = np.zeros(n), np.empty(n), np.empty(n)
     size, rate = np.inf, 1.0
     for done in range(RATE_CYCLES + 1):
-        residual_vector(A, zero, x, r)
+        r = A @ x
         before, size = size, float(r @ x if symmetric else r @ r)
         if not 0.0 < size < np.inf:
             return 0.0 if size == 0.0 else np.inf
         rate = np.sqrt(size / before)
         if done < RATE_CYCLES:
-            cycle.solve(0, r, y)
-            x -= y
+            x -= cycle.solve(0, r)
     return float(rate)
 
 

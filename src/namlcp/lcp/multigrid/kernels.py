@@ -8,12 +8,11 @@ Gauss-Seidel sweep, the correction with the coarse matrix
 
 and one backward sweep (Ruge and Stueben, in McCormick, Multigrid Methods, SIAM 1987,
 for T = I; Kornhuber, Numer. Math. 69 (1994) 167-184, for truncation).
-Matrices are `Compressed` by rows; `diagonal` holds the positions of their a_ii.
+Matrices are in CSR; `diagonal` holds the positions of their a_ii.
 """
 
 import cython
-from cython.cimports.libc.math import fabs, sqrt
-from cython.cimports.namlcp.box import clip
+from cython.cimports.libc.math import fabs
 from cython.cimports.namlcp.linalg.csc import Columns, take_columns
 
 # Coarse diagonal entry, relative to its value without truncation, that counts as 0.
@@ -25,29 +24,6 @@ def rows_of(M, n):
     rows = cython.declare(Columns)
     take_columns(M, n, cython.address(rows))
     return rows
-
-
-def residual_vector(matrix, q, z, w):
-    """Write w = A z + q."""
-    n = w.shape[0]
-    A = rows_of(matrix, n)
-    with cython.nogil:
-        for i in range(n):
-            r = q[i]
-            for k in range(A.indptr[i], A.indptr[i + 1]):
-                r += A.data[k] * z[A.indices[k]]
-            w[i] = r
-
-
-def mark_free(d, z, lower, upper, dinv):
-    """Write the face l < z < u to `dinv`; return how many of its entries changed."""
-    changed: cython.Py_ssize_t = 0
-    with cython.nogil:
-        for i in range(z.shape[0]):
-            new = 1.0 / d[i] if lower[i] < z[i] < upper[i] else 0.0
-            changed += new != dinv[i]
-            dinv[i] = new
-    return changed
 
 
 def descend(matrix, diagonal, interpolation, dinv, b, x, coarse):
@@ -80,11 +56,11 @@ def descend(matrix, diagonal, interpolation, dinv, b, x, coarse):
 
 
 def ascend(matrix, diagonal, interpolation, dinv, b, coarse, x):
-    """Add T P coarse to x, sweep backward on T A T x = b, and return b'x.
+    """Add T P coarse to x, and sweep backward on T A T x = b.
 
     T P coarse is added to an entry of x before the first row that reads it is swept.
     """
-    n, product = x.shape[0], 0.0
+    n = x.shape[0]
     A, P = rows_of(matrix, n), rows_of(interpolation, n)
     added: cython.Py_ssize_t = n  # from here on
     with cython.nogil:
@@ -104,25 +80,9 @@ def ascend(matrix, diagonal, interpolation, dinv, b, coarse, x):
             for k in range(A.indptr[i + 1] - 1, diagonal[i], -1):
                 r -= A.data[k] * x[A.indices[k]]
             x[i] = r * dinv[i]
-            product += b[i] * x[i]
-    return product
 
 
-def mark_dirty(matrix, dinv, touched, dirty):
-    """Write dirty: rows that are truncated, touched or have a truncated neighbour."""
-    n = dinv.shape[0]
-    A = rows_of(matrix, n)
-    with cython.nogil:
-        for i in range(n):
-            mark: cython.bint = touched[i] or dinv[i] == 0.0
-            k = A.indptr[i]
-            while not mark and k < A.indptr[i + 1]:
-                mark = dinv[A.indices[k]] == 0.0
-                k += 1
-            dirty[i] = mark
-
-
-def truncate_coarse(face, P_rows, R_rows, C, coarse_rows, d, below):
+def truncate_coarse(level, face, below_level, below):
     """Recompute the rows of A_c = P' T A T P that differ from P' A P, no others.
 
     Entries outside the pattern of P' A P are added, in modulus, to the diagonal. A
@@ -131,27 +91,33 @@ def truncate_coarse(face, P_rows, R_rows, C, coarse_rows, d, below):
     of P is free. Next to a long edge of the face these columns, cut off in the middle,
     slow down the cycles.)
 
-    `face` is that of the fine level after `mark_dirty`, R = P', `coarse` is P' A P, d
-    its diagonal. `below`, an earlier face on the coarse level, gets A_c in the pattern
-    of `coarse`, its dinv and touched.
+    `below`, an earlier face of the coarse level, gets A_c in the pattern of P' A P, its
+    dinv and touched.
     """
+    d: cython.double[::1] = below_level.d
+    C: cython.int[::1] = level.C
     dinv: cython.double[::1] = face.dinv
-    dirty: cython.uchar[::1] = face.dirty
+    fine_touched: cython.uchar[::1] = face.touched
     truncated: cython.double[::1] = below.A.data
     coarse_dinv: cython.double[::1] = below.dinv
     touched: cython.uchar[::1] = below.touched
     position: cython.int[::1] = below.position
     n, m = dinv.shape[0], d.shape[0]
-    A, P = rows_of(face.A, n), rows_of(P_rows, n)
-    R, coarse = rows_of(R_rows, m), rows_of(coarse_rows, m)
+    A, P = rows_of(face.A, n), rows_of(level.P, n)
+    R, coarse = rows_of(level.R, m), rows_of(below_level.A, m)
     with cython.nogil:
         for j in range(m):
             before = touched[j]
             now: cython.bint = False
-            for k in range(R.indptr[j], R.indptr[j + 1]):
-                now |= dirty[R.indices[k]]
-            touched[j] = now
             start, end = coarse.indptr[j], coarse.indptr[j + 1]
+            for k in range(R.indptr[j], R.indptr[j + 1]):
+                i = R.indices[k]
+                now |= fine_touched[i]
+                for t in range(A.indptr[i], A.indptr[i + 1]):
+                    now |= dinv[A.indices[t]] == 0.0
+                if now:
+                    break
+            touched[j] = now
             if not now:
                 coarse_dinv[j] = 1.0 / d[j]
                 if before:
@@ -185,59 +151,3 @@ def truncate_coarse(face, P_rows, R_rows, C, coarse_rows, d, below):
             truncated[p] += outside
             if truncated[p] > VANISHED * d[j]:
                 coarse_dinv[j] = 1.0 / truncated[p]
-
-
-def next_direction(matrix, dinv, beta, y, p, Ap):
-    """Write p = beta p + y and Ap = T A p, where T p = p; return p'Ap. y may be p."""
-    n, product = p.shape[0], 0.0
-    A = rows_of(matrix, n)
-    row: cython.Py_ssize_t = 0  # the next one of A p
-    with cython.nogil:
-        for i in range(n):
-            p[i] = beta * p[i] + y[i]
-            while row <= i and A.indices[A.indptr[row + 1] - 1] <= i:
-                r = 0.0
-                if dinv[row] != 0.0:
-                    for k in range(A.indptr[row], A.indptr[row + 1]):
-                        r += A.data[k] * p[A.indices[k]]
-                    product += r * p[row]
-                Ap[row] = r
-                row += 1
-    return product
-
-
-def step_along(step, p, Ap, x, r):
-    """Add step p to x and -step Ap to r; return || r ||_2."""
-    total = 0.0
-    with cython.nogil:
-        for i in range(x.shape[0]):
-            x[i] += step * p[i]
-            t = r[i] - step * Ap[i]
-            r[i] = t
-            total += t * t
-    return sqrt(total)
-
-
-def project_step(matrix, z, w, lower, upper, x, Ax):
-    """Overwrite x by clip(z + x) - z, write Ax = A x; return w'x and x'Ax."""
-    n, slope, curvature = z.shape[0], 0.0, 0.0
-    A = rows_of(matrix, n)
-    with cython.nogil:
-        for i in range(n):
-            x[i] = clip(z[i] + x[i], lower[i], upper[i]) - z[i]
-        for i in range(n):
-            r = 0.0
-            for k in range(A.indptr[i], A.indptr[i + 1]):
-                r += A.data[k] * x[A.indices[k]]
-            Ax[i] = r
-            slope += w[i] * x[i]
-            curvature += r * x[i]
-    return slope, curvature
-
-
-def move(step, x, Ax, lower, upper, z, w):
-    """Write z = clip(z + step x), and add step Ax to w."""
-    with cython.nogil:
-        for i in range(z.shape[0]):
-            z[i] = clip(z[i] + step * x[i], lower[i], upper[i])
-            w[i] += step * Ax[i]
