@@ -21,4 +21,6 @@ cpdef bint read_rows(const int[::1] indptr, const int[::1] indices, const double
 cpdef tuple dominance_csr(const int[::1] indptr, const int[::1] indices, const double[::1] data, const double[::1] root)
 cpdef void row_sums(const int[::1] indptr, const int[::1] indices, const double[::1] data, const double[::1] x, double roundoff, double least, double[::1] own, double[::1] others, double[::1] margin) noexcept
 cpdef double relax_csr(object indptr, object indices, object data, object q, object lower, object upper, double alpha, object z) except? -1
+cpdef bint two_colours(const int[::1] indptr, const int[::1] indices, unsigned char[::1] second) noexcept
+cpdef double relax_coloured(object indptr, object indices, object data, object q, object lower, object upper, double alpha, object z, const unsigned char[::1] second) except? -1
 cpdef int relax_back(object indptr, object indices, object data, object q, object lower, object upper, object z) except -1

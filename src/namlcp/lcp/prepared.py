@@ -8,7 +8,7 @@ from scipy import sparse
 from scipy.sparse.linalg import LinearOperator
 
 from namlcp.checks import finite_square_matrix, vector
-from namlcp.lcp.loops import dominance_csr, read_rows
+from namlcp.lcp.loops import dominance_csr, read_rows, two_colours
 from namlcp.linalg.arrays import stamp_of_arrays
 from namlcp.linalg.columns import Columns, columns_of
 from namlcp.linalg.csc import arrays_of
@@ -152,6 +152,12 @@ class Prepared:
         if not np.all(self.diagonal > 0.0):
             return np.inf
         return min(dominance_csr(*arrays_of(self.A), self.root))
+
+    @cached_property
+    def second_colour(self) -> np.ndarray | None:
+        """Marks of rows of a sparse A so that no two coupled ones have the same."""
+        second = np.zeros(self.n, np.uint8)
+        return second if two_colours(self.A.indptr, self.A.indices, second) else None
 
 
 class Operator:
