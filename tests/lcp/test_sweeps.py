@@ -358,11 +358,12 @@ def test_slow_sweeps_are_given_up(number):
 
 
 def bipartite_problem(seed):
-    """Return a random A whose rows have two colours, q and bounds; n = 40."""
+    """Return an A, n = 40, whose even and odd rows have two colours, q and bounds."""
     rng = np.random.default_rng(seed)
-    A = sparse.random_array((40, 40), density=0.1, rng=rng).toarray()
+    A = rng.normal(size=(40, 40))
+    A *= np.triu(rng.random((40, 40)) < 0.1) + np.eye(40, k=1) > 0.0
+    A += A.T * rng.uniform(0.5, 2.0)
     A[::2, ::2] = A[1::2, 1::2] = 0.0
-    A[np.arange(1, 40), np.arange(39)] = -1.0  # coupled to the row above
     A += np.diag(1.0 + np.abs(A).sum(axis=1) * rng.uniform(1.0, 2.0, 40))
     return A, 3.0 * rng.normal(size=40), rng.normal(size=40) - 1.0, np.full(40, 1.5)
 
