@@ -11,6 +11,7 @@ from plain_sweeps import TAKES, TRIANGULAR, auto
 from scipy import sparse
 
 from namlcp import Status, natural_residual, solve_lcp
+from namlcp.lcp.loops import relax_coloured, two_colours
 
 INF = np.inf
 KINDS = {"dense": np.asarray, "csr": sparse.csr_array}
@@ -354,3 +355,45 @@ def test_slow_sweeps_are_given_up(number):
     result = solve_lcp(A, q)
     assert result.status is Status.SOLVED
     assert result.method == "multigrid"
+
+
+def bipartite_problem(seed):
+    """Return an A, n = 40, whose even and odd rows have two colours, q and bounds."""
+    rng = np.random.default_rng(seed)
+    A = rng.normal(size=(40, 40))
+    A *= np.triu(rng.random((40, 40)) < 0.1) + np.eye(40, k=1) > 0.0
+    A += A.T * rng.uniform(0.5, 2.0)
+    A[::2, ::2] = A[1::2, 1::2] = 0.0
+    A += np.diag(1.0 + np.abs(A).sum(axis=1) * rng.uniform(1.0, 2.0, 40))
+    return A, 3.0 * rng.normal(size=40), rng.normal(size=40) - 1.0, np.full(40, 1.5)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_second_colour_is_relaxed_last(seed):
+    A, q, lower, upper = bipartite_problem(seed)
+    rows = sparse.csr_array(A)
+    second = np.zeros(40, np.uint8)
+    assert two_colours(rows.indptr, rows.indices, second)
+    np.testing.assert_array_equal(second, np.arange(40) % 2)
+    start = np.clip(np.zeros(40), lower, upper)
+    z, expected, alpha = start.copy(), start.copy(), 1.1
+    for i in (*range(0, 40, 2), *range(1, 40, 2)):
+        w_i = A[i] @ expected + q[i]
+        expected[i] = np.clip(expected[i] - alpha * w_i / A[i, i], lower[i], upper[i])
+    parts = rows.indptr, rows.indices, rows.data, q, lower, upper, alpha
+    moved = relax_coloured(*parts, z, second)
+    np.testing.assert_allclose(z, expected, rtol=1e-13, atol=1e-14)
+    change = np.linalg.norm(np.sqrt(np.diag(A)) * (expected - start))
+    assert moved == pytest.approx(change, rel=1e-12)
+
+
+def test_triangles_have_no_two_colours():
+    rows = sparse.csr_array(np.ones((3, 3)))
+    assert not two_colours(rows.indptr, rows.indices, np.zeros(3, np.uint8))
+
+
+def test_youngs_rate_from_the_first_sweeps():
+    A, q, *_ = paper_example(1, 110)
+    result = solve_lcp(A, q, eps_abs=1e-10)
+    assert (result.status, result.method) == (Status.SOLVED, "psor")
+    assert result.iterations <= 15

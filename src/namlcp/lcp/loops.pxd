@@ -19,3 +19,5 @@ cdef void affine_at(const double* A, const double* z, const double* q, double* w
 cpdef bint read_rows(const int[::1] indptr, const int[::1] indices, const double[::1] data, double[:, ::1] rows) noexcept
 cpdef void row_sums(const int[::1] indptr, const int[::1] indices, const double[::1] data, const double[::1] x, double roundoff, double least, double[::1] own, double[::1] others, double[::1] margin) noexcept
 cpdef double relax(object indptr, object indices, object data, object q, object lower, object upper, double alpha, object z, Py_ssize_t way) except? -1
+cpdef bint two_colours(const int[::1] indptr, const int[::1] indices, unsigned char[::1] second) noexcept
+cpdef double relax_coloured(object indptr, object indices, object data, object q, object lower, object upper, double alpha, object z, const unsigned char[::1] second) except? -1

@@ -131,3 +131,52 @@ def relax(indptr, indices, data, q, lower, upper, alpha, z, way):
             total += a * (last - xi) * (last - xi)
             i += way
     return sqrt(total)
+
+
+def two_colours(indptr, indices, second):
+    """Colour rows so that each differs from the rows above it that it is coupled to.
+
+    Marks the rows of the second colour; False if it finds no such colours, which are
+    unique where every row but the first is coupled to one above it.
+    """
+    for i in range(second.shape[0]):
+        first = indices[indptr[i]]
+        second[i] = first < i and not second[first]
+        for k in range(indptr[i], indptr[i + 1]):
+            if indices[k] < i and second[indices[k]] == second[i]:
+                return False
+    return True
+
+
+def relax_coloured(indptr, indices, data, q, lower, upper, alpha, z, second):
+    """Do what `relax` does, but with the rows of the second colour last.
+
+    Each is relaxed as soon as all rows that it is coupled to have been passed, while
+    they are still in the cache.
+    """
+    n: cython.Py_ssize_t = z.size
+    row, column = places(indptr, n + 1), places(indices, data.size)
+    entry, x = numbers(data, data.size), numbers(z, n)
+    c, l, u = numbers(q, n), numbers(lower, n), numbers(upper, n)
+    total = 0.0
+    late: cython.Py_ssize_t = 0  # the next row that may have the second colour
+    with cython.nogil:
+        for passed in range(n):
+            i: cython.Py_ssize_t = passed
+            is_due: cython.bint = not second[i]
+            while True:
+                if is_due:
+                    r, a = c[i], 1.0
+                    for k in range(row[i], row[i + 1]):
+                        r += entry[k] * x[column[k]]
+                        if column[k] == i:
+                            a = entry[k]
+                    xi = x[i]
+                    x[i] = clip(xi - r * (alpha / a), l[i], u[i])
+                    total += a * (x[i] - xi) * (x[i] - xi)
+                if late > passed or column[row[late + 1] - 1] > passed:
+                    break
+                i = late
+                is_due = second[i]
+                late += 1
+    return sqrt(total)

@@ -200,6 +200,7 @@ AUTO = [method for method in METHODS if method.stage == "auto"]
 GENERAL = [method for method in METHODS if method.stage == "general"]
 NAMED = {method.name: method for method in METHODS if method.takes}
 
+
 def find_method(method: str, options: Collection[str] = ()) -> Method:
     """Return a method; raise if it is unknown or lacks an option that is given."""
     if not isinstance(method, str):

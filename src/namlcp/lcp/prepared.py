@@ -8,7 +8,7 @@ from scipy import sparse
 from scipy.sparse.linalg import LinearOperator
 
 from namlcp.checks import finite_square_matrix, vector
-from namlcp.lcp.loops import read_rows
+from namlcp.lcp.loops import read_rows, two_colours
 from namlcp.linalg.arrays import stamp_of_arrays
 from namlcp.linalg.columns import Columns, columns_of
 from namlcp.linalg.csc import arrays_of
@@ -157,6 +157,12 @@ class Prepared:
             return np.inf
         sizes = sparse.csr_array((np.abs(A.data), A.indices, A.indptr), shape=A.shape)
         return float(np.max(sizes @ (1.0 / root) / root, initial=1.0)) - 1.0
+
+    @cached_property
+    def second_colour(self) -> np.ndarray | None:
+        """Marks of rows of a sparse A so that no two coupled ones have the same."""
+        second = np.zeros(self.n, np.uint8)
+        return second if two_colours(self.A.indptr, self.A.indices, second) else None
 
 
 class Operator:

@@ -8,8 +8,11 @@ so mu of D^(-1/2) A D^(-1/2), which does not depend on S, serves as well. Young'
 
     alpha = 2 / (1 + sqrt(1 - mu^2))
 
-is optimal for the five-point matrix in its natural order: without bounds an error then
-falls by the factor alpha - 1 a sweep, asymptotically.
+is optimal where the rows have two colours so that none is coupled to another one of its
+colour, as those of the five-point matrix: without bounds an error then falls by the
+factor alpha - 1 a sweep, asymptotically. If one colour is relaxed after the other, it
+does so from the first sweeps on; in the natural order only after some sqrt(n) of them
+(five-point matrix + 4 I, n = 10^6: 14 sweeps to 1e-10 in place of 25).
 """
 
 import math
@@ -17,7 +20,7 @@ import math
 import numpy as np
 
 from namlcp.lcp.data import LCP, Criterion
-from namlcp.lcp.loops import relax
+from namlcp.lcp.loops import relax, relax_coloured
 from namlcp.limits import Limits
 from namlcp.linalg.csc import arrays_of
 from namlcp.status import ENDS, Outcome, Status
@@ -43,7 +46,10 @@ def solve_by_sweeps(
     if not mu < math.inf:
         return lcp.outcome(Status.STALLED, z, lcp.w(z), 0, "psor")
     w = lcp.w(z) if z.any() else lcp.q.copy()
-    if criterion.accepts(z, w):
+    plain, scaled = criterion.residuals(z, w)
+    if z0 is None:
+        criterion.size = scaled
+    if criterion.met(plain, scaled):
         return lcp.outcome(Status.SOLVED, z, w, 0, "psor")
     alpha = 1.0
     if mu < 1.0:
@@ -52,8 +58,8 @@ def solve_by_sweeps(
         # Symmetry is tested only if Young's alpha may do.
         if mu <= YOUNG_IS_SAFE or (promised <= criterion.goal and lcp.matrix.symmetric):
             alpha = young
-    status, k = relax_until(z, alpha, most, criterion)
-    outcome = lcp.outcome(status, z, lcp.w(z), k, "psor")
+    status, k, w = relax_until(z, alpha, most, criterion)
+    outcome = lcp.outcome(status, z, w, k, "psor")
     if limits.report is not None and status in ENDS:
         limits.report(k, outcome.residuals, lcp.active(z))
     return outcome
@@ -61,8 +67,8 @@ def solve_by_sweeps(
 
 def relax_until(
     z: np.ndarray, alpha: float, most: int, criterion: Criterion
-) -> tuple[Status, int]:
-    """Sweep from z, which is overwritten, until the criterion accepts it.
+) -> tuple[Status, int, np.ndarray]:
+    """Sweep from z, which is overwritten; return the sweeps made, and w.
 
     The criterion costs a product with A. It is therefore evaluated only if an estimate
     of the scaled Res from the last two sweeps is below its goal; a rejection divides
@@ -70,16 +76,21 @@ def relax_until(
     """
     lcp, goal, before = criterion.lcp, criterion.goal, math.inf
     _, q, lower, upper = lcp
-    arrays = arrays_of(lcp.A)
+    parts = *arrays_of(lcp.A), q, lower, upper, alpha, z
+    second = lcp.matrix.second_colour if alpha > 1.0 else None
     checked, checked_at, slow = 0.0, 1, 0
     for k in range(1, most + 1):
-        moved = relax(*arrays, q, lower, upper, alpha, z, 1)
+        if second is None:
+            moved = relax(*parts, 1)
+        else:
+            moved = relax_coloured(*parts, second)
         guess = moved * min(1.0, moved / before) if k > 1 else moved
         if guess < goal or moved == 0.0:
-            if criterion.accepts(z, lcp.w(z)):
-                return Status.SOLVED, k
+            w = lcp.w(z)
+            if criterion.accepts(z, w):
+                return Status.SOLVED, k, w
             if moved == 0.0:
-                return Status.STALLED, k
+                return Status.STALLED, k, w
             goal *= 0.1
         if k == 1:
             checked = moved
@@ -91,9 +102,9 @@ def relax_until(
                 left = math.log(goal / moved) / math.log(rate)
             slow = slow + 1 if k + left > most else 0
             if slow == (SLOW if alpha > 1.0 else 1):
-                return Status.STALLED, k
+                return Status.STALLED, k, lcp.w(z)
             checked, checked_at = moved, k
         if criterion.limits.deadline.reached():
-            return Status.TIME_LIMIT, k
+            return Status.TIME_LIMIT, k, lcp.w(z)
         before = moved
-    return Status.MAX_ITER, most
+    return Status.MAX_ITER, most, lcp.w(z)
