@@ -1,4 +1,4 @@
-"""Is A an H+ matrix? Is a Z-matrix an M-matrix? Answers with a witness.
+"""Is A an H+ matrix? Answers with a witness.
 
 The comparison matrix of A has <A>_ii = |a_ii|, <A>_ij = -|a_ij|; A is an H+ matrix if
 its diagonal is positive and <A> is a nonsingular M-matrix (in this package M-matrices
@@ -139,30 +139,16 @@ def is_h_plus(A: Any) -> Verdict:
     return settle(sparse.csr_array(A), "A is an H+ matrix")
 
 
-def is_m_matrix(K: Any) -> Verdict:
-    """Tell whether K is a nonsingular M-matrix: k_ij <= 0 off the diagonal, K^-1 >= 0.
-
-    Witnesses are as for `is_h_plus`, with K in place of <A>. There is none for a
-    positive entry k_ij off the diagonal, which `checked` names.
-    """
-    K = sparse.csr_array(finite_square_matrix("K", K, "csr"))
-    rows = row_numbers(K)
-    wrong = np.flatnonzero((K.data > 0.0) & (rows != K.indices))
-    name = "K is a nonsingular M-matrix"
-    if wrong.size:
-        t = wrong[0]
-        place = f"K[{rows[t]}, {K.indices[t]}] = {K.data[t]:g} > 0"
-        return Verdict(False, f"{name}: no Z-matrix", place)
-    return settle(K, name)
-
-
 def row_numbers(A: Any) -> np.ndarray:
     """Return the row of every stored entry."""
     return np.repeat(np.arange(A.shape[0]), np.diff(A.indptr))
 
 
 def settle(A: Any, claim: str) -> Verdict:
-    """Return the verdict on `claim`: diag(A) - |A - diag(A)| is an M-matrix."""
+    """Return the verdict on `claim`: diag(A) - |A - diag(A)| is an M-matrix.
+
+    A is a csr_array, the witness as for `is_h_plus`.
+    """
     D = A.diagonal()
     wrong = np.flatnonzero(~(D > 0.0))
     if wrong.size:

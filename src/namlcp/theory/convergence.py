@@ -87,16 +87,16 @@ from namlcp.theory.comparison import (
     ROUNDOFF,
     Verdict,
     is_h_plus,
-    is_m_matrix,
     is_weakly_dominant,
+    settle,
 )
 
 # Largest order at which dense inverses and eigenvalues are computed.
 LARGEST_DENSE = 600
 # Bound for the rounding errors of the entries of K, relative to their terms.
 SAFE = 1e-13
-# Values of eps for which Q is sought, in this order.
-MARGINS = (1e-2, 1e-5)
+# Value of eps for which Q is sought.
+MARGIN = 1e-3
 QUADRATIC = "contraction in the norm of Q = witness (bounded real lemma)"
 # Most steps of the doubling algorithm, which converges quadratically.
 DOUBLINGS = 20
@@ -230,10 +230,11 @@ def undecided(checked: str = "") -> Verdict:
 
 
 def by_comparison(parts: Splitting) -> Verdict:
-    """Ask whether K = C - W is an M-matrix."""
+    """Ask whether K = C - W is an M-matrix; it is a Z-matrix."""
     C, W = comparison(parts)
     # if this is an M-matrix, so is the exact C - W
-    verdict = is_m_matrix(C - SAFE * abs(C) - (1.0 + SAFE) * W)
+    K = sparse.csr_array(C - SAFE * abs(C) - (1.0 + SAFE) * W)
+    verdict = settle(K, "K is an M-matrix")
     if not verdict:
         return undecided(f"K = C - W is not an M-matrix ({verdict.checked})")
     name = "Zheng and Yin 2013; Ahn 1981" if parts.H else "Theorem 3, repaired"
@@ -384,25 +385,24 @@ def by_quadratic_norm(parts: Splitting) -> Verdict:
     for name, weight in (("Omega", parts.omega), ("Perron", y / x)):
         d = np.sqrt(weight)
         X1, Y1, Z1 = (d[:, None] * V / d for V in (X, Y, Z))
-        for eps in MARGINS:
-            found = for_unit_weight(X1, Y1, Z1, eps, rounding)
-            if found is not None:
-                checked = f"the matrix inequality, with Lambda = {name}"
-                Q = d[:, None] * found[0] * d
-                return Verdict(True, QUADRATIC, checked, Q, found[1])
+        found = for_unit_weight(X1, Y1, Z1, rounding)
+        if found is not None:
+            checked = f"the matrix inequality, with Lambda = {name}"
+            Q = d[:, None] * found[0] * d
+            return Verdict(True, QUADRATIC, checked, Q, found[1])
     return none
 
 
 def for_unit_weight(
-    X: np.ndarray, Y: np.ndarray, Z: np.ndarray, eps: float, rounding: float
+    X: np.ndarray, Y: np.ndarray, Z: np.ndarray, rounding: float
 ) -> tuple[np.ndarray, float] | None:
     """Return (Q, factor) for Lambda = I; None if no Q solves the matrix inequality.
 
     `rounding` estimates the relative rounding errors of X, Y and Z.
     """
     I, B = np.eye(X.shape[0]), X @ Z + Y
-    S = (1.0 + eps) * Z
-    Q = riccati(X, B, (1.0 + eps) * I, S, S.T @ Z - (1.0 - eps) * I)
+    S = (1.0 + MARGIN) * Z
+    Q = riccati(X, B, (1.0 + MARGIN) * I, S, S.T @ Z - (1.0 - MARGIN) * I)
     if Q is None:
         return None
     QX, QB = Q @ X, Q @ B

@@ -62,7 +62,6 @@ class Distances:
         self.signed = np.flatnonzero((low | high)[unfixed])
         self.boxed = two = np.flatnonzero((low & high)[unfixed])
         self.upper[two] = ((upper - lower)[unfixed] * np.abs(root) / self.unit)[two]
-        self.is_plain = self.signed.size == unfixed.size and two.size == 0
 
     def z(self, p: np.ndarray) -> np.ndarray:
         """Return the unknowns of the box LCP; p_i = r_i becomes the upper bound."""
@@ -86,18 +85,11 @@ class Distances:
         return natural_residual(p, F, self.lower, self.upper)
 
     def of(self, x: np.ndarray) -> np.ndarray:
-        """Return sign_k x_{at_k} for all pairs; it may share memory with x."""
-        if self.is_plain:
-            return x
+        """Return sign_k x_{at_k} for all pairs."""
         return np.concatenate((x[self.signed], -x[self.boxed]))
 
     def total(self, m: np.ndarray, sign: float = -1.0) -> np.ndarray:
-        """Return the sums of sign_k m_k by unknown; it may share memory with m.
-
-        `sign` is that of the second kind of pairs.
-        """
-        if self.is_plain:
-            return m
+        """Return the sums of sign_k m_k by unknown; `sign`: of the second kind."""
         x = np.zeros(self.c.size)
         x[self.signed] = m[: self.signed.size]
         x[self.boxed] += sign * m[self.signed.size :]
@@ -110,7 +102,7 @@ class Distances:
         """
         p = np.zeros(self.c.size)
         p[self.signed] = np.minimum(1.0, 0.5 * self.upper[self.signed])
-        gaps = self.of(p).copy()
+        gaps = self.of(p)
         gaps[self.signed.size :] += self.upper[self.boxed]
         return p, gaps
 
@@ -125,18 +117,16 @@ class Plain:
     """
 
     def __init__(self, model: Distances) -> None:
-        M, r = dense(model.M), model.c
-        self.model, self.count = model, model.signed.size
-        if not model.is_plain:
-            b, f = model.signed, np.flatnonzero(model.lower < 0.0)
-            sides = np.column_stack((M[:, b], r))
-            self.back = -np.linalg.solve(M[np.ix_(f, f)], sides[f])
-            left = sides[b] + M[np.ix_(b, f)] @ self.back
-            E = np.eye(r.size)[np.ix_(b, model.boxed)]
-            M = np.block([[left[:, :-1], E], [-E.T, np.zeros((E.shape[1],) * 2)]])
-            r = np.append(left[:, -1], model.upper[model.boxed])
+        M, r, self.model = dense(model.M), model.c, model
+        b, f = model.signed, np.flatnonzero(model.lower < 0.0)
+        sides = np.column_stack((M[:, b], r))
+        self.back = -np.linalg.solve(M[np.ix_(f, f)], sides[f])
+        left = sides[b] + M[np.ix_(b, f)] @ self.back
+        E = np.eye(r.size)[np.ix_(b, model.boxed)]
+        self.M = np.block([[left[:, :-1], E], [-E.T, np.zeros((E.shape[1],) * 2)]])
+        r = np.append(left[:, -1], model.upper[model.boxed])
         self.unit = float(np.abs(r).max(initial=0.0)) or 1.0
-        self.M, self.r = M, r / self.unit
+        self.r = r / self.unit
 
     def z(self, x: np.ndarray) -> np.ndarray:
         """Return the unknowns of the box LCP."""
@@ -149,9 +139,7 @@ class Plain:
         return v
 
     def p(self, x: np.ndarray, one: float) -> np.ndarray:
-        bounded = x[: self.count]
-        if self.model.is_plain:
-            return bounded
+        bounded = x[: self.model.signed.size]
         p = np.empty(self.model.c.size)
         p[self.model.signed] = bounded
         p[self.model.lower < 0.0] = self.back @ np.append(bounded, one)
@@ -160,8 +148,8 @@ class Plain:
     def cover(self, d: np.ndarray) -> np.ndarray:
         """Return the covering vector of M for one of A: 1 in rows that A lacks."""
         full = np.ones(self.r.size)
-        own = np.abs(self.model.scale) * d[self.model.unfixed]
-        full[: self.count] = own[self.model.signed]
+        own = (np.abs(self.model.scale) * d[self.model.unfixed])[self.model.signed]
+        full[: own.size] = own
         return full
 
 

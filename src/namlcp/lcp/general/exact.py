@@ -26,8 +26,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from namlcp.lcp.general.cones import System
 from namlcp.lcp.general.distances import Distances
+from namlcp.lcp.general.systems import System
 from namlcp.lcp.shifted import HELD, Shifted
 
 # Wrong p or F, relative to the largest p and to max |c_i| = 1, that counts as 0.

@@ -1,1 +1,1 @@
-"""Block principal pivoting for box LCPs: `driver.Attempt`, in one call `small`."""
+"""Block principal pivoting for box LCPs: `driver.Attempt`, or one `solve_small`."""

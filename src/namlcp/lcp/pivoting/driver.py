@@ -19,8 +19,8 @@ from namlcp.linalg.csc import submatrix
 from namlcp.measure import are_met, natural_residuals
 from namlcp.status import Outcome, Status
 
-# Default eps_rel; factorisations at most, by default.
-ACCURACY, MAX_FACTORISATIONS = 1e-9, 5000
+# Factorisations at most, by default.
+MAX_FACTORISATIONS = 5000
 # Sparse symmetric problems with more unknowns and more entries than this have their
 # free systems factored by `linalg.factors`, which is faster where there is much fill.
 LARGE_ORDER, LARGE_ENTRIES = 2000, 20_000

@@ -19,8 +19,11 @@ cdef enum:
     EARLY_STEPS = 20
     FEW = 64
     SOME = 4
+    FACTORISATIONS = 100
 
 cdef double SWEEP_RELAXATION, RHO, EXACT_RESIDUAL, START_MARGIN
+cdef double SYMMETRY_ROUNDING
+cdef object SOLVED, NAME
 
 cpdef int pivot(Pivoting m) except -1
 cdef int advance(Pivoting m) noexcept nogil
@@ -38,3 +41,7 @@ cdef void clip_rounding(Pivoting m) noexcept nogil
 cdef Py_ssize_t set_goals(Pivoting m) noexcept nogil
 cdef void reset_patience(Pivoting m, double rho) noexcept nogil
 cdef int end_outer_step(Pivoting m) noexcept nogil
+cpdef object solve_small(object kind, double begun, object given, object A, object q, object lower, object upper, object start, object stamp)
+cdef bint is_vector(object value, Py_ssize_t n)
+cdef (double, double) sum_and_asymmetry(const double* A, Py_ssize_t n) noexcept nogil
+cdef const double* bound(object value, double default, double* out, Py_ssize_t n) noexcept

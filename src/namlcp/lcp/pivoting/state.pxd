@@ -1,5 +1,8 @@
 from namlcp.watch cimport Watched
 
+cdef Py_ssize_t SMALL_ORDER
+cdef double PSD_SLACK, JITTER, LEAST_PIVOT, PIVOT_FLOOR, CALL, DENSE_SPEED
+
 
 cdef class Pivoting(Watched):
     cdef:
@@ -82,3 +85,13 @@ cdef double* reals(Pivoting m, Py_ssize_t count) noexcept nogil
 cdef int* flags(Pivoting m, Py_ssize_t count) noexcept nogil
 cdef int allocate(Pivoting m) except -1
 cdef object best_point(Pivoting m, const double* lower, const double* upper)
+cdef bint factor_free(Pivoting m, double shift) noexcept nogil
+cdef void solve_free(Pivoting m) noexcept nogil
+cdef void set_order(Pivoting m) noexcept nogil
+cdef void plan(Pivoting m) noexcept nogil
+cdef void gather(Pivoting m, double* out) noexcept nogil
+cdef bint factor_dense(Pivoting m) noexcept nogil
+cdef double analyse(Pivoting m) noexcept nogil
+cdef double factor_sparse(Pivoting m) noexcept nogil
+cdef void solve_sparse(Pivoting m, double* x) noexcept nogil
+cdef bint is_definite(Pivoting m) noexcept nogil
