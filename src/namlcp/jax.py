@@ -150,18 +150,16 @@ def derivative(
 
     r = dP @ x + dq + dG.T @ z + dA.T @ y
     moved = jnp.where(side < 0.0, dlb, jnp.where(side > 0.0, dub, 0.0))
-    rhs = jnp.concatenate(
-        (
-            -free * (r + P @ moved),
-            rows * (dh - dG @ x - G @ moved),
-            db - dA @ x - A @ moved,
-        )
+    right = (
+        -free * (r + P @ moved),
+        rows * (dh - dG @ x - G @ moved),
+        db - dA @ x - A @ moved,
     )
     C = jnp.concatenate((rows[:, None] * G, A)) * free
     corner = free[:, None] * P * free + jnp.diag(1.0 - free)
     idle = jnp.concatenate((1.0 - rows, jnp.zeros_like(y)))
     K = jnp.block([[corner, C.T], [C, -jnp.diag(idle)]])
-    w = solve_symmetric(K, rhs, n)
+    w = solve_symmetric(K, jnp.concatenate(right), n)
 
     dx = moved + free * w[:n]
     dz, dy = rows * w[n : n + m], w[n + m :]
