@@ -70,7 +70,7 @@ def solve_bounds(qp, chain, guess, judge, memory):
     if outcome.ray is not None:
         memory.ensure_convex(as_sparse(qp.P))
         point = point_of(qp, chain, outcome.point.z)
-        ray = Point(outcome.ray, NO_ENTRIES, NO_ENTRIES, 0.0 * outcome.ray)
+        ray = outcome.ray, NO_ENTRIES, NO_ENTRIES, 0.0 * outcome.ray
         if not judge.accept_ray(chain.point(*ray, data=0.0).x, point):
             return None
     elif judge.is_solved and not convex:
