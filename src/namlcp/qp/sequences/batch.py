@@ -25,9 +25,8 @@ from namlcp.qp.active import MOST_ORDER, OUTCOMES, attach
 from namlcp.qp.active import solve_items as solve_dense_items
 from namlcp.qp.active.dense import DenseActiveSet
 from namlcp.qp.active.engine import Code
-from namlcp.qp.convexity import check_convex
 from namlcp.qp.intake import qp_data, stamp_of
-from namlcp.qp.problem import QP, Point, make_guess
+from namlcp.qp.problem import QP, Point, check_convex, make_guess
 from namlcp.qp.route import Memory, solve_checked
 from namlcp.residuals import UNDEFINED, Residuals
 from namlcp.status import OBJECTIVE, Outcome, Status

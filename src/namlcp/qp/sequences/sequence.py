@@ -19,10 +19,9 @@ from namlcp.options import DEFAULT_OPTIONS, Options
 from namlcp.qp.active.engine import Code
 from namlcp.qp.active.once import answer_of, is_slow_anew, kept_for, renew
 from namlcp.qp.active.solve import solve, suggest, updated
-from namlcp.qp.convexity import check_convex
 from namlcp.qp.intake import qp_data
 from namlcp.qp.judge import Judge, are_own
-from namlcp.qp.problem import NO_GUESS, QP, Guess, make_guess
+from namlcp.qp.problem import NO_GUESS, QP, Guess, check_convex, make_guess
 from namlcp.qp.route import Memory, is_small, solve_checked
 from namlcp.qp.sequences.pattern import (
     copied,
