@@ -192,21 +192,26 @@ def sparse_matrix(name: str, value: Any, layout: str) -> Any:
     if value.dtype.kind not in "biuf":
         raise TypeError(f"{name} must hold real numbers, got dtype {value.dtype}")
     wrap = sp.csr_array if layout == "csr" else sp.csc_array
-    if order != Order.CANONICAL or value.format == "bsr":
-        refuse_size(name, value.nnz)
-        value = wrap(value.reshape(1, -1) if value.ndim == 1 else value, copy=True)
-        value.sum_duplicates()
-        return sparse_matrix(name, value, layout)
-    indptr, indices = places
-    data = clean_copy(first(value.data, indptr[-1]))
-    parts: Any = indptr, first(indices, indptr[-1]), data
-    own = value.indptr, value.indices, value.data
-    if value.format == layout and all(map(operator.is_, parts, own)):
-        return value  # SciPy takes 13 us to make another
-    refuse_size(name, max(*value.shape, data.size))
-    if value.format != layout:  # the transpose is sorted, too
-        parts = transposed(*parts, value.shape[layout == "csc"])
-    return from_arrays(parts, value.shape, wrap)
+    if places is not None and value.format != "bsr":
+        indptr, indices = places
+        data = clean_copy(first(value.data, indptr[-1]))
+        parts: Any = indptr, first(indices, indptr[-1]), data
+        own = value.indptr, value.indices, value.data
+        is_sorted, is_right = order == Order.CANONICAL, value.format == layout
+        if is_sorted and is_right and all(map(operator.is_, parts, own)):
+            return value  # SciPy takes 13 us to make another
+        refuse_size(name, max(*value.shape, data.size))
+        minor, major = value.shape if value.format == "csc" else value.shape[::-1]
+        # one transposition changes the layout, and sorts; two sort
+        for _ in range(2 * (not is_sorted) if is_right else 1):
+            parts = transposed(*parts, minor)
+            minor, major = major, minor
+        if is_sorted or index_order(*parts[:2], major, minor) == Order.CANONICAL:
+            return from_arrays(parts, value.shape, wrap)
+    refuse_size(name, value.nnz)
+    value = wrap(value.reshape(1, -1) if value.ndim == 1 else value, copy=True)
+    value.sum_duplicates()
+    return sparse_matrix(name, value, layout)
 
 
 @functools.lru_cache(maxsize=16)

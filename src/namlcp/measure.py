@@ -138,11 +138,12 @@ def residuals_of_products(vectors, point, products):
     return in_order(cython.address(t), data_of(work))
 
 
-def residuals_of_columns(P, G, A, vectors, point):
+def residuals_of_columns(qp, point):
     """Return the numbers of `Residuals` for P, G and A as csc_array or csc_matrix."""
     t: Terms
     M: Columns
-    set_terms(cython.address(t), vectors, point)
+    P, q, G, h, A, b, lb, ub = qp
+    set_terms(cython.address(t), (q, h, b, lb, ub), point)
     n, m, p = t.n, t.m, t.p
     work = new_vector(3 * n + m + p + 2 * max(n, m))
     t.Px = data_of(work)

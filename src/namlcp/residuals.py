@@ -18,11 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from namlcp.linalg.csc import add_transposed, times
-from namlcp.measure import (
-    largest_ratio,
-    natural_squares,
-    residuals_of_products,
-)
+from namlcp.measure import largest_ratio, natural_squares, residuals_of_products
 
 
 class Residuals(NamedTuple):

@@ -29,15 +29,7 @@ from namlcp.derivatives import (
 from namlcp.lcp import LCP, Operator, Prepared, solve_small
 from namlcp.linalg import times
 from namlcp.linalg.arrays import stamp_of_arrays
-from namlcp.qp import (
-    QP,
-    STATUSES,
-    Items,
-    Nearest,
-    Point,
-    qp_arrays,
-    stamp_of,
-)
+from namlcp.qp import QP, STATUSES, Items, Nearest, Point, qp_arrays, stamp_of
 from namlcp.residuals import Residuals
 from namlcp.result_base import LCPResultBase, ResultBase
 from namlcp.status import OBJECTIVE, Outcome, Status

@@ -96,10 +96,10 @@ def test_a_large_h_matrix_is_convex_without_a_factorisation(monkeypatch):
     d = sp.diags_array(10.0 ** np.random.default_rng(0).uniform(-2, 2, 400))
     P = make_qp(d @ laplacian(20) @ d, np.zeros(400)).P
     none = {"A": sp.eye_array(1, 400), "b": np.zeros(1), "max_iter": 1}
-    monkeypatch.setattr("namlcp.qp.convexity.MULTIGRID_ORDER", 400)
+    monkeypatch.setattr("namlcp.qp.problem.MULTIGRID_ORDER", 400)
     with pytest.raises(ValueError, match="an eigenvalue of P"):
         solve_qp(P - 0.1 * (d @ d), np.ones(400), **none)
-    monkeypatch.setattr("namlcp.qp.convexity.has_positive_pivots", None)
+    monkeypatch.setattr("namlcp.qp.problem.has_positive_pivots", None)
     solve_qp(P, np.ones(400), **none)
 
 

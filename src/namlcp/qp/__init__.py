@@ -12,13 +12,13 @@ from namlcp.qp.batch import (
     solve_items,
 )
 from namlcp.qp.closest import Face, Nearest
-from namlcp.qp.convexity import NotConvex
 from namlcp.qp.intake import qp_data, stamp_of
 from namlcp.qp.kkt import KKT
 from namlcp.qp.problem import (
     NO_GUESS,
     QP,
     Guess,
+    NotConvex,
     Point,
     check_warm_start,
     make_guess,

@@ -24,9 +24,8 @@ from namlcp.options import Options
 from namlcp.qp.active import solve as active
 from namlcp.qp.active.dense import DenseActiveSet
 from namlcp.qp.active.engine import Code
-from namlcp.qp.convexity import check_convex
 from namlcp.qp.intake import qp_data, stamp_of
-from namlcp.qp.problem import QP, Point, make_guess
+from namlcp.qp.problem import QP, Point, check_convex, make_guess
 from namlcp.qp.route import Memory, solve_checked
 from namlcp.residuals import UNDEFINED, Residuals
 from namlcp.status import OBJECTIVE, Outcome, Status

@@ -12,14 +12,7 @@ ray x, q'x = -1                       ray v, q'v = -1 (no solution)
 from cython.cimports.libc.math import INFINITY
 
 from namlcp.checks import as_sparse
-from namlcp.lcp import (
-    ACCURACY,
-    LARGE_LCP,
-    LCP,
-    Attempt,
-    Prepared,
-    solve_auto,
-)
+from namlcp.lcp import ACCURACY, LARGE_LCP, LCP, Attempt, Prepared, solve_auto
 from namlcp.limits import Limits
 from namlcp.linalg import times
 from namlcp.qp.problem import NO_ENTRIES

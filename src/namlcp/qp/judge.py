@@ -111,9 +111,7 @@ class Judge:
     def residuals_of(self, point):
         if not self.is_columns:
             return qp_residuals(*self.qp, *point)
-        P, q, G, h, A, b, lb, ub = self.qp
-        vectors = q, h, b, lb, ub
-        return Residuals(*residuals_of_columns(P, G, A, vectors, tuple(point)))
+        return Residuals(*residuals_of_columns(self.qp, point))
 
     def ratio_in_other_order(self, residuals, point, sign):
         """Return the largest residual over its tolerance after another order of sums.

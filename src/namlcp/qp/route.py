@@ -26,10 +26,9 @@ from namlcp.qp.active.solve import (
 )
 from namlcp.qp.bounds import is_box_open, solve_bounds
 from namlcp.qp.closest import contradiction, nearest, weights_of
-from namlcp.qp.convexity import check_convex
 from namlcp.qp.interior import solve_interior
 from namlcp.qp.judge import Judge
-from namlcp.qp.problem import NO_GUESS, Point, make_guess
+from namlcp.qp.problem import NO_GUESS, Point, check_convex, make_guess
 from namlcp.qp.transforms import substitute
 from namlcp.residuals import UNDEFINED
 from namlcp.status import ENDS, Status

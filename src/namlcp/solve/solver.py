@@ -23,8 +23,8 @@ from namlcp.options import DEFAULT_OPTIONS, Options, check_flag
 from namlcp.qp import NO_GUESS, QP, Guess, Memory, make_guess, qp_data, solve_checked
 from namlcp.qp.active import solve as active
 from namlcp.qp.active.engine import Code
-from namlcp.qp.convexity import check_convex
 from namlcp.qp.judge import Judge, are_own
+from namlcp.qp.problem import check_convex
 from namlcp.qp.route import is_small
 from namlcp.results import Public, QPResult, qp_result
 from namlcp.status import ENDS, Outcome, Status

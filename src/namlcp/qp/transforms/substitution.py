@@ -30,8 +30,7 @@ from namlcp.linalg import (
     with_squares,
     without_zeros,
 )
-from namlcp.qp.convexity import check_convex
-from namlcp.qp.problem import QP, Guess, Point
+from namlcp.qp.problem import QP, Guess, Point, check_convex
 
 # Least |a_it|, relative to the largest entry of its row, against rounding errors.
 PIVOT = 1e-3
