@@ -129,18 +129,15 @@ def transposed(indptr, indices, data, rows):
     columns: cython.int[::1] = places
     values: cython.double[::1] = entries
     for t in range(end):
-        turned[indices[t] + 1] += 1
-    for i in range(rows):
+        turned[indices[t]] += 1
+    for i in range(rows):  # turned[i] is the end of column i, then its beginning
         turned[i + 1] += turned[i]
-    for j in range(indptr.shape[0] - 1):  # turned[i] moves to the end of column i
-        for t in range(indptr[j], indptr[j + 1]):
-            k = turned[indices[t]]
+    for j in range(indptr.shape[0] - 2, -1, -1):
+        for t in range(indptr[j + 1] - 1, indptr[j] - 1, -1):
+            k = turned[indices[t]] - 1
             columns[k] = j
             values[k] = data[t]
-            turned[indices[t]] = k + 1
-    for i in range(rows, 0, -1):
-        turned[i] = turned[i - 1]
-    turned[0] = 0
+            turned[indices[t]] = k
     return starts, places, entries
 
 
@@ -151,22 +148,19 @@ def compressed(C):
     indptr: cython.int[::1] = starts
     for i in range(rows):
         for j in range(columns):
-            indptr[j + 1] += C[i, j] != 0.0
-    for j in range(columns):
+            indptr[j] += C[i, j] != 0.0
+    for j in range(columns):  # indptr[j] is the end of column j, then its beginning
         indptr[j + 1] += indptr[j]
     places, entries = np.empty(indptr[columns], np.int32), np.empty(indptr[columns])
     indices: cython.int[::1] = places
     data: cython.double[::1] = entries
-    for i in range(rows):  # indptr[j] moves to the end of column j
+    for i in range(rows - 1, -1, -1):
         for j in range(columns):
             if C[i, j] != 0.0:
-                k = indptr[j]
+                k = indptr[j] - 1
                 indices[k] = i
                 data[k] = C[i, j]
-                indptr[j] = k + 1
-    for j in range(columns, 0, -1):
-        indptr[j] = indptr[j - 1]
-    indptr[0] = 0
+                indptr[j] = k
     return starts, places, entries
 
 

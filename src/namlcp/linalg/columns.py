@@ -8,7 +8,9 @@ symmetric matrix are its rows, so no copy is made.
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy import sparse
+
+from namlcp.checks import as_sparse
+from namlcp.entries import transposed
 
 SMALL_ORDER = 24
 """Largest order of a sparse matrix that is always stored as a dense one."""
@@ -30,25 +32,21 @@ class Columns(NamedTuple):
 
 
 NO_DENSE = np.empty((0, 0))
-NO_DATA = np.empty(0)
-NO_INDICES = np.empty(0, dtype=np.int32)
+NO_SPARSE = *np.empty((2, 0), dtype=np.int32), np.empty(0)
 
 
 def columns_of(A: Any, symmetric: bool) -> Columns:
-    """Return the columns of A, dense or compressed after its order and density."""
+    """Return the columns of A, dense or in CSR, after its order and density."""
     n = A.shape[0]
     if isinstance(A, np.ndarray):
-        if n > 4 * SMALL_ORDER and np.count_nonzero(A) < n * n // 8:
-            A = sparse.csr_array(A)
-    elif n <= SMALL_ORDER or A.nnz > n * n // 4:
-        A = A.toarray()
-    if isinstance(A, np.ndarray):
-        dense = A if symmetric else A.T
-        return Columns(np.ascontiguousarray(dense), NO_INDICES, NO_INDICES, NO_DATA)
-    if not symmetric:
-        A = A.T.tocsr()
-        A.sort_indices()
-    indices, indptr = A.indices, A.indptr
-    if indices.dtype != np.int32:
-        indices, indptr = indices.astype(np.int32), indptr.astype(np.int32)
-    return Columns(NO_DENSE, indptr, indices, A.data)
+        is_dense = n <= 4 * SMALL_ORDER or np.count_nonzero(A) >= n * n // 8
+        A = A if is_dense else as_sparse(A)
+    else:
+        is_dense = n <= SMALL_ORDER or A.nnz > n * n // 4
+        A = A.toarray() if is_dense else A
+    if is_dense:
+        return Columns(np.ascontiguousarray(A if symmetric else A.T), *NO_SPARSE)
+    parts = A.indptr, A.indices, A.data
+    if not symmetric and A.format == "csr":
+        parts = transposed(*parts, n)
+    return Columns(NO_DENSE, *parts)

@@ -71,7 +71,7 @@ def best_order(indptr: np.ndarray, indices: np.ndarray, deadline: Deadline) -> O
     Less work; the second one is tried only where it may be.
     """
     order = minimum_degree(indptr, indices, deadline)
-    if order.work < DEEP * order.parent.size or order.entries < FILL * indices.size:
+    if order.work <= DEEP * order.parent.size or order.entries < FILL * indices.size:
         return order
     if deadline.reached(DISSECTION * indices.size):
         return order

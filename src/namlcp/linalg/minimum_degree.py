@@ -90,15 +90,14 @@ def mark_hubs(g, indptr, indices):
     kind, degree = g.kind, g.degree
     for i in range(g.size):
         degree[i] = 0
+    total: Py_ssize_t = 0
     for j in range(g.size):
         for t in range(indptr[j], indptr[j + 1]):
             i = indices[t]
             if i < j:
                 degree[i] += 1
                 degree[j] += 1
-    total: Py_ssize_t = 0
-    for i in range(g.size):
-        total += degree[i]
+                total += 2
     least = max(ABOVE_ROOT * sqrt(g.size), ABOVE_MEAN * total / max(g.size, 1))
     for i in range(g.size):
         kind[i] = BESIDE if degree[i] > least else VARIABLE

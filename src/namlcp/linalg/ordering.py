@@ -72,8 +72,6 @@ def nested_dissection(indptr, indices):
     except ImportError:
         return None
     size = indptr.size - 1
-    if size == 0:  # METIS would divide by zero
-        return None
     upper = csc_matrix((np.ones(indices.size), indices, indptr), shape=(size, size))
     graph = (upper + upper.T).tocsr()
     graph.setdiag(0.0)
