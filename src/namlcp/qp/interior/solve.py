@@ -61,8 +61,8 @@ def answer_of_presolve(small: Presolved, chain: Any, judge: Judge) -> Outcome | 
     sizes = small.q.size, small.b.size, small.sides.shape, small.q.size
     near = chain.then(small).point(*map(np.zeros, sizes))
     for message, y, z in small.contradictions:
-        box = small.hold_fixed(np.zeros(small.qp.q.size), y, z)
-        proof = chain.point(0.0 * box, y, z, box, data=0.0)
+        none = np.zeros(small.qp.q.size)
+        proof = chain.point(none, y, z, none, data=0.0)
         if judge.accept_multipliers(near.x, proof.y, proof.z):
             return judge.answer(Status.PRIMAL_INFEASIBLE, 0, FORM, message)
     if small.q.size:

@@ -48,7 +48,6 @@ class Interior(Watched):
 
     def __dealloc__(self):
         free(self.memory)
-        free(self.krylov)
 
     @property
     def point(self):

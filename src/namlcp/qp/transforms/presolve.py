@@ -5,10 +5,6 @@ proportional rows nor fixed variables (lb = ub). Rows c g'x <= d beside g'x <= h
 sides of one range, equations c a'x = d beside a'x = b one equation; the first row of
 each such group, found by hashing, is its leader. The multipliers of dropped rows are
 zero, those of fixed variables follow from stationarity.
-
-A row g x_j <= h where h/g is the opposite bound fixes x_j, too: there is no interior
-beside it. The z_box_j that makes x_j stationary becomes z_i = z_box_j / g if that is
-positive. (A row a x_j = b leaves the interior as it is, and stays.)
 """
 
 from typing import NamedTuple
@@ -56,10 +52,9 @@ class Presolved(NamedTuple):
     """The smaller problem of `qp` and the way back to it.
 
     min 1/2 x'Px + q'x, A x = b, -sides[1] <= G x <= sides[0], lb <= x <= ub; A and G in
-    CSR. `kept` and `fixed` are columns of `qp`; fixed_by = (rows of qp.G, their
-    entries, columns) has those that rows fix. `side_of` are the rows of qp.G that give
-    `sides`, -1 for none, `b_of` the rows of qp.A with the extreme right-hand sides of
-    an equation; b lies between. `contradictions` are reasons, (message, y, z) with
+    CSR. `kept` and `fixed` are columns of `qp`. `side_of` are the rows of qp.G that
+    give `sides`, -1 for none, `b_of` the rows of qp.A with the extreme right-hand sides
+    of an equation; b lies between. `contradictions` are reasons, (message, y, z) with
     multipliers of rows as proof.
     """
 
@@ -80,22 +75,6 @@ class Presolved(NamedTuple):
     contradictions: list[tuple[str, np.ndarray, np.ndarray]]
     A_groups: Groups
     G_groups: Groups
-    fixed_by: tuple[np.ndarray, np.ndarray, np.ndarray]
-
-    def hold_fixed(self, gradient, y, z):
-        """Return the z_box that makes fixed variables stationary; move it to z.
-
-        A'y + G'z is added to the gradient. The z_box of kept columns is zero.
-        """
-        add_transposed(self.qp.A, y, gradient)
-        add_transposed(self.qp.G, z, gradient)
-        z_box = np.zeros(gradient.size)
-        z_box[self.fixed] = -gradient[self.fixed]
-        row, entry, column = self.fixed_by
-        value = z_box[column] / entry
-        z[row] += np.maximum(value, 0.0)
-        z_box[column[value > 0.0]] = 0.0
-        return z_box
 
     def guess(self, guess):
         """Return (x, y, z, z_box, active) of a guess for `qp`; z: of `sides`, (2, m).
@@ -124,7 +103,10 @@ class Presolved(NamedTuple):
         if not self.fixed.size:
             return Point(x, y_full, z_full, z_box)
         full[self.kept], full[self.fixed] = x, data * self.x_fixed
-        box = self.hold_fixed(times(qp.P, full) + data * qp.q, y_full, z_full)
+        box = times(qp.P, full) + data * qp.q
+        add_transposed(qp.A, y_full, box)
+        add_transposed(qp.G, z_full, box)
+        box *= -1.0
         box[self.kept] = z_box
         return Point(full, y_full, z_full, box)
 
@@ -134,13 +116,10 @@ def presolve(qp, eps_abs, eps_rel, last=None):
 
     The tolerances decide which constraints contradict each other.
     """
-    q, b, h, lb, ub = qp.q, qp.b, qp.h, qp.lb.copy(), qp.ub.copy()
-    by, entry = constant(q.size, -1, np.int32), np.empty(q.size)
+    _, q, _, h, _, b, lb, ub = qp
     stays = constant(q.size, True, np.bool_)
-    fix_by_rows(qp.G.indptr, qp.G.indices, qp.G.data, h, lb, ub, by, entry)
     find_fixed(lb, ub, stays)
-    column, kept = (by >= 0).nonzero()[0], stays.nonzero()[0]
-    fixed = (~stays).nonzero()[0]
+    kept, fixed = stays.nonzero()[0], (~stays).nonzero()[0]
     x_fixed = 0.5 * (lb[fixed] + ub[fixed])
     if fixed.size:
         held = np.zeros(q.size)
@@ -167,28 +146,8 @@ def presolve(qp, eps_abs, eps_rel, last=None):
     b = between(ends, b_of, A_groups.ratio)
     return Presolved(
         qp, P, q, A, b, G, sides, lb, ub, kept, fixed, x_fixed, b_of, side_of, found,
-        A_groups, G_groups, (by[column], entry[column], column),
+        A_groups, G_groups,
     )  # fmt: skip
-
-
-def fix_by_rows(indptr, indices, data, h, lb, ub, by, entry):
-    """Set lb_j = ub_j where a row of G, in CSC, with one nonzero entry fixes x_j.
-
-    by[j] and entry[j] take the row and its entry.
-    """
-    n = lb.shape[0]
-    count: cython.int[::1] = np.zeros(h.shape[0], np.int32)
-    for t in range(indptr[n]):
-        count[indices[t]] += data[t] != 0.0
-    for j in range(n):
-        for t in range(indptr[j], indptr[j + 1]):
-            i = indices[t]
-            if count[i] != 1 or data[t] == 0.0 or not lb[j] < ub[j]:
-                continue
-            value, opposite = h[i] / data[t], lb[j] if data[t] > 0.0 else ub[j]
-            if fabs(value - opposite) <= FIXED * max(1.0, fabs(opposite)) < INFINITY:
-                lb[j], ub[j] = opposite, opposite
-                by[j], entry[j] = i, data[t]
 
 
 def find_fixed(lb, ub, stays):

@@ -8,9 +8,9 @@ cdef struct Matrix:
 
 cdef enum:
     ROUNDS = 10
-    STEPS = 20
+    SWEEPS = 4
 
-cdef double EQUAL, LEAST_FACTOR, MOST_FACTOR, REDUCTION, LARGEST, LEAST_DIVISOR
+cdef double EQUAL, LEAST_FACTOR, MOST_FACTOR, LARGEST
 
 cdef tuple find_finite(const double[::1] side, Py_ssize_t n, Py_ssize_t p)
 cpdef int equilibrate(object indptr, object indices, object data, object scale) except -1
