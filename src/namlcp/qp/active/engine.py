@@ -90,9 +90,6 @@ class ActiveSet(Watched):
         is_base: it is that of the base problem, whose values s0 have G x.
         """
 
-    def set_row_products(self):
-        """Set the products with A, G' and A' alone, perhaps the others, too."""
-
     def times_cost(self, x, Px):
         """Set Px = P x."""
 
