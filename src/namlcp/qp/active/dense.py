@@ -150,7 +150,9 @@ class DenseActiveSet(ActiveSet):
         self.wanted = LESS_RHO if found == STUCK else MORE_RHO
         self.is_ready = False
         forget_rows(self)
-        return proved(self, solve_dense(self))
+        found = proved(self, solve_dense(self))
+        self.wanted, self.is_ready = 0.0, False  # for the next QP
+        return found
 
 
 # ---- the factors

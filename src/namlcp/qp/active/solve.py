@@ -426,19 +426,13 @@ def is_vector(value, size):
     return fits(value, 1) and cnp.PyArray_DIM(value, 0) == size
 
 
-def place_of_vectors(m, vectors):
-    """Note q, h, b, lb and ub, which lie one after another."""
-    m.vectors = vectors
-    m.q = data_of(vectors)
+def solve(m: ActiveSet, vectors, settings: Settings, until):
+    """Solve the QP with these vectors, see `QP.joined`; return the code."""
+    m.vectors, m.q = vectors, data_of(vectors)
     m.h = m.q + m.n
     m.b = m.h + m.m
     m.lb = m.b + m.p
     m.ub = m.lb + m.n
-
-
-def solve(m: ActiveSet, vectors, settings: Settings, until):
-    """Solve the QP with these vectors, see `QP.joined`; return the code."""
-    place_of_vectors(m, vectors)
     take_settings(m, settings, until)
     run(m)
     return m.code
@@ -513,7 +507,6 @@ def solve_items(
     code = cython.cast(cython.p_longlong, cnp.PyArray_DATA(codes))
     count = cython.cast(cython.p_longlong, cnp.PyArray_DATA(iterations))
     m.is_single = True
-    wanted = m.wanted
     take_settings(m, settings, INFINITY)
     with cython.nogil:
         for i in range(first, end):
@@ -524,15 +517,12 @@ def solve_items(
             m.x, m.y, m.z = out[0] + i * n, out[1] + i * p, out[2] + i * rows
             m.z_box = out[3] + i * n
             forget_rows(m)
-            m.is_ready = m.is_ready and m.wanted == wanted and not has_new_matrices
-            m.wanted = wanted
+            m.is_ready = m.is_ready and not has_new_matrices
             code[i] = m.decide()
             count[i] = m.pivots
             cython.cast(cython.pointer(Numbers), out[4])[i] = m.found
             if m.interrupted:
                 break
-    m.is_ready = m.is_ready and m.wanted == wanted  # for the items of the next call
-    m.wanted = wanted
     raise_kept(m)
 
 
@@ -551,19 +541,14 @@ def factors_of(m: DenseActiveSet):
     other: DenseActiveSet = DenseActiveSet.__new__(DenseActiveSet)
     P, G, A = m.matrices
     attach(other, P, G, A, False)
-    place_of_vectors(other, m.vectors)
-    other.point = m.point
-    other.x, other.y, other.z, other.z_box = m.x, m.y, m.z, m.z_box
-    other.is_ready, other.skipped = True, m.skipped
     copy(m.factor, other.factor, m.n * m.n)
     copy(m.equations, other.equations, m.p * m.n)
     copy(m.schur, other.schur, m.p * m.p)
     copy(m.triangle, other.triangle, m.k * (m.k + 1) // 2)
     forget_responses(other)
-    other.k = m.k
+    other.k, other.skipped = m.k, m.skipped
     for i in range(m.k):
-        row = m.active[i]
-        other.active[i], other.side[row] = row, m.side[row]
+        row = other.active[i] = m.active[i]
         copy(response_of(m, row), claim_place(other, row), m.length)
     return other
 
