@@ -65,9 +65,6 @@ class ActiveSet(Watched):
     of its own; one with another form of the active rows has the others, too.
     """
 
-    def __cinit__(self):
-        self.most_operations = INFINITY
-
     def __dealloc__(self):
         free(self.memory)
 

@@ -360,12 +360,13 @@ def judge(m, found):
             m.multiplier, m.best_multiplier = m.best_multiplier, m.multiplier
             error, passes = INFINITY, 0
         elif passes > 0 and error <= GAIN * before and not is_accurate(m, error):
+            if m.on_face:  # which the other form refines
+                return STUCK
             copy(m.s, m.best, m.length)
             copy(m.multiplier, m.best_multiplier, m.k)
             set_correction(m)
             m.set_values(m.rhs, m.change)
-            if not m.on_face:
-                set_change(m)
+            set_change(m)
             take_change(m)
             passes -= 1
         else:
