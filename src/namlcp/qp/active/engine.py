@@ -507,7 +507,8 @@ def pivot(m):
         if is_over(m, operations):
             return LATE
         m.operations += operations
-        if m.operations > m.most_operations:
+        is_full: cython.bint = m.k == m.most < min(m.n - m.p + m.skipped, m.rows)
+        if is_full or m.operations > m.most_operations:
             return STUCK
         found = step(m)
         if found == CONTRADICTION:
