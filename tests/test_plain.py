@@ -57,6 +57,7 @@ def of_arrays(kind, P, q, G, h, A, b, lb, ub):
         setattr(m, name, plain.Pointer(flat))
     for name, size in (("x", m.n), ("y", m.p), ("z", m.m), ("z_box", m.n)):
         setattr(m, name, plain.reals(m, size))
+    m.most_operations = INF
     m.is_single, m.max_iter, m.eps_abs, m.eps_rel = True, 1000, 1e-9, 1e-10
     return m
 

@@ -35,8 +35,6 @@ STATE = "matrices", "given", "is_own", "vectors", "options", "last"
 # Solves that are left to other methods without trying, after 0, 1, 2, ... were tried in
 # a row and left to these.
 PAUSES = 0, 0, 1, 3, 7, 15
-# Statuses that a solve without a start would not improve on.
-SETTLED = (SOLVED, Status.TIME_LIMIT)
 
 
 class OtherShape(ValueError):
@@ -313,7 +311,8 @@ class Solver(metaclass=Public):
         if guess is None:
             guess = make_guess(qp, None, self.last)
         answer = solve_checked(qp, options, guess, start, None, self.memory, given)
-        if answer.status not in SETTLED and answer.closest is None:
+        is_settled = answer.status in (SOLVED, Status.TIME_LIMIT)
+        if not is_settled and answer.closest is None:
             answer = solve_checked(qp, options, NO_GUESS, start, given=given)
         if m is not None and answer.status is SOLVED:
             active.suggest(m, make_guess(qp, None, answer.point))

@@ -128,13 +128,10 @@ class DenseActiveSet(ActiveSet):
         else:
             times_rows(self.G, self.m, n, n, self.x, self.Gx)
         times_rows(self.A, self.p, n, n, self.x, self.Ax)
-        self.set_row_products()
-
-    def set_row_products(self):
-        fill(self.Gtz, 0.0, self.n)
-        fill(self.Aty, 0.0, self.n)
-        add_times_transposed(self.G, self.m, self.n, self.z, self.Gtz)
-        add_times_transposed(self.A, self.p, self.n, self.y, self.Aty)
+        fill(self.Gtz, 0.0, n)
+        fill(self.Aty, 0.0, n)
+        add_times_transposed(self.G, self.m, n, self.z, self.Gtz)
+        add_times_transposed(self.A, self.p, n, self.y, self.Aty)
 
     def times_cost(self, x, Px):
         times_rows(self.P, self.n, self.n, self.n, x, Px)
@@ -145,15 +142,17 @@ class DenseActiveSet(ActiveSet):
         A small W leaves little to the passes; where rows seem to contradict each other
         by rounding, it is too small.
         """
-        are_hinted: cython.bint = self.hints > 0
         found = proved(self, solve_dense(self))
-        if are_hinted and (found == STUCK or found == UNPROVED):
-            found = solve_anew(self, self.wanted)  # as a wrong guess may mislead
         if (found != STUCK and found != UNPROVED) or self.wanted != 0.0:
             return found
         if self.pivots > self.max_iter or self.operations > self.most_operations:
             return found
-        return solve_anew(self, LESS_RHO if found == STUCK else MORE_RHO)
+        self.wanted = LESS_RHO if found == STUCK else MORE_RHO
+        self.is_ready = False
+        forget_rows(self)
+        found = proved(self, solve_dense(self))
+        self.wanted, self.is_ready = 0.0, False  # for the next QP
+        return found
 
 
 # ---- the factors
@@ -341,13 +340,6 @@ def prepare(m):
 
 
 # ---- a whole solve
-
-
-def solve_anew(m, wanted):
-    """Solve the same QP from nothing, with the W wanted."""
-    m.wanted, m.is_ready = wanted, False
-    forget_rows(m)
-    return proved(m, solve_dense(m))
 
 
 def solve_dense(m):

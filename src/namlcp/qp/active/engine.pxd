@@ -94,7 +94,6 @@ cdef class ActiveSet(Watched):
     cdef void set_values(self, const double* rhs, double* values) noexcept nogil
     cdef void make_response(self, Py_ssize_t row) noexcept nogil
     cdef void set_products(self, bint is_base) noexcept nogil
-    cdef void set_row_products(self) noexcept nogil
     cdef void times_cost(self, const double* x, double* Px) noexcept nogil
     cdef bint begin(self) noexcept nogil
     cdef double project(self, Py_ssize_t row) noexcept nogil

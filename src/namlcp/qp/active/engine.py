@@ -65,9 +65,6 @@ class ActiveSet(Watched):
     of its own; one with another form of the active rows has the others, too.
     """
 
-    def __cinit__(self):
-        self.most_operations = INFINITY
-
     def __dealloc__(self):
         free(self.memory)
 
@@ -89,9 +86,6 @@ class ActiveSet(Watched):
 
         is_base: it is that of the base problem, whose values s0 have G x.
         """
-
-    def set_row_products(self):
-        """Set the products with A, G' and A' alone, perhaps the others, too."""
 
     def times_cost(self, x, Px):
         """Set Px = P x."""
@@ -513,7 +507,8 @@ def pivot(m):
         if is_over(m, operations):
             return LATE
         m.operations += operations
-        if m.operations > m.most_operations:
+        is_full: cython.bint = m.k == m.most < min(m.n - m.p + m.skipped, m.rows)
+        if is_full or m.operations > m.most_operations:
             return STUCK
         found = step(m)
         if found == CONTRADICTION:

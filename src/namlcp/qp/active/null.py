@@ -90,21 +90,6 @@ class NullSpace(DenseActiveSet):
         self.face_is_kept = False
         return found
 
-    def set_values(self, rhs, values):
-        """On the face: set the change of the point for its residuals, without G x."""
-        if not self.on_face:
-            DenseActiveSet.set_values(self, rhs, values)
-            return
-        set_free_part(self, rhs, self.free_part)
-        copy(rhs + self.n, self.held_part, self.p)
-        for i in range(self.held):
-            row = self.active[i]
-            self.held_part[self.p + i] = self.h[row] - self.s[row]
-        fill(values, 0.0, self.rows)
-        solve_face(self, values)
-        fill(self.work, 0.0, self.k)
-        copy(self.held_part + self.p, self.work, self.held)
-
     def times_cost(self, x, Px):
         """Set Px = P x; on the face, from the load of the active bounds."""
         if not self.on_face:

@@ -16,12 +16,11 @@ cdef enum:
 
 
 cdef enum End:
-    # The minimum; a point where a row is met that is not active; a ray in z_box; a
-    # direction without curvature that is none. MOVED: none of these so far.
+    # The minimum; a point where a row is met that is not active; a ray in z_box; none of
+    # these so far.
     FACE_SOLVED
     BLOCKED
     RAY
-    LOST
     MOVED
 
 

@@ -174,8 +174,6 @@ def solve_by_rounds(m):
         end = descend(m)
         if end == RAY:
             return UNBOUNDED
-        if end == LOST:
-            return STUCK
         found = settle(m) if end == FACE_SOLVED else STUCK
         if found == STUCK:
             copy(m.s + m.m, m.centre, m.n)
@@ -362,12 +360,13 @@ def judge(m, found):
             m.multiplier, m.best_multiplier = m.best_multiplier, m.multiplier
             error, passes = INFINITY, 0
         elif passes > 0 and error <= GAIN * before and not is_accurate(m, error):
+            if m.on_face:  # which the other form refines
+                return STUCK
             copy(m.s, m.best, m.length)
             copy(m.multiplier, m.best_multiplier, m.k)
             set_correction(m)
             m.set_values(m.rhs, m.change)
-            if not m.on_face:
-                set_change(m)
+            set_change(m)
             take_change(m)
             passes -= 1
         else:
@@ -473,8 +472,8 @@ def move(m, energy, error):
     add_scaled(1.0, m.change + m.rows, m.s + m.rows, m.p)
     if not curvature > OPEN * of_weight and is_ray(m):
         return RAY
-    if full == longest:
-        return LOST
+    if full == longest:  # without end, and yet no ray: rounding
+        return FACE_SOLVED
     add_scaled(min(longest, full), m.along, m.s, m.rows)
     return BLOCKED if longest < full else MOVED
 
@@ -534,7 +533,7 @@ def refine_contradiction(m):
     Rows with multipliers are active, or entering. P does not matter here.
     """
     for _ in range(REFINEMENTS):
-        m.set_row_products()
+        m.set_products(False)
         for j in range(m.n):
             m.rhs[j] = -(m.Gtz[j] + m.Aty[j])
         fill(m.rhs + m.n, 0.0, m.p)

@@ -31,5 +31,4 @@ cdef unsigned long long stamp_of(DenseActiveSet m, tuple matrices)
 cdef void suggest_signs(ActiveSet m, const double* z, const double* z_box) noexcept
 cdef bint has_sizes(ResultBase result, ActiveSet m)
 cdef bint is_vector(object value, Py_ssize_t size)
-cdef void place_of_vectors(ActiveSet m, object vectors)
 cdef bint put(object value, double* place, Py_ssize_t size, double sign)

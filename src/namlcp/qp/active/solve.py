@@ -40,7 +40,7 @@ from cython.cimports.namlcp.qp.active.engine import (
     response_of,
 )
 from cython.cimports.namlcp.qp.active.null import NullSpace
-from cython.cimports.namlcp.qp.active.rounds import NO_WEIGHT, are_within
+from cython.cimports.namlcp.qp.active.rounds import NO_WEIGHT
 from cython.cimports.namlcp.qp.active.sparse import SparseActiveSet
 from cython.cimports.namlcp.qp.intake import is_finite, is_side
 from cython.cimports.namlcp.result_base import (
@@ -150,6 +150,8 @@ def result_of(m, kind, problem, start, ready):
 
 def height_of(C, d, n):
     """Return the rows of a clean pair like G and h with n columns, -1 if it is none."""
+    if C is None and d is None:
+        return 0
     if not (fits(C, 2) and fits(d, 1)):
         return -1
     rows = cnp.PyArray_DIM(d, 0)
@@ -169,18 +171,13 @@ def solve_small(
     if not fits(q, 1):
         return None
     n = cnp.PyArray_DIM(q, 0)
-    rows: Py_ssize_t = 0
-    p: Py_ssize_t = 0
     given, is_sparse = (P, q, G, h, A, b, lb, ub), not cnp.PyArray_CheckExact(P)
     if is_sparse:
         P, G, A = tiny_form(P, n), tiny_form(G, n), tiny_form(A, n)
     elif n <= MOST_ORDER:
         P, G, A = small_form(P), small_form(G), small_form(A)
     is_copied: cython.bint = P is not given[0] or G is not given[2] or A is not given[4]
-    if G is not None or h is not None:
-        rows = height_of(G, h, n)
-    if A is not None or b is not None:
-        p = height_of(A, b, n)
+    rows, p = height_of(G, h, n), height_of(A, b, n)
     if height_of(P, q, n) < 0 or rows < 0 or p < 0 or n + rows + p > MOST_ORDER:
         return None
     if not (lb is None or is_vector(lb, n)) or not (ub is None or is_vector(ub, n)):
@@ -276,16 +273,16 @@ def tiny_form(C, n):
 
 def is_certain(m):
     """Tell whether the residuals are within tolerance in any order of their sums."""
-    n, found, kept = m.n, cython.address(m.found), m.found
+    n, found, eps, relative = m.n, m.found, m.eps_abs, m.eps_rel
     primal, dual, gap = rounding_errors(
         norm(m.P, n * n), norm(m.G, m.m * n), norm(m.A, m.p * n),
         norm(m.x, n), norm(m.y, m.p), norm(m.z, m.m),
     )  # fmt: skip
-    found.primal, found.dual = found.primal + primal, found.dual + dual
-    found.gap += gap
-    fine: cython.bint = are_within(m, 0.0)
-    m.found = kept
-    return fine
+    return (
+        found.primal + primal <= eps + relative * found.primal_size
+        and found.dual + dual <= eps + relative * found.dual_size
+        and found.gap + gap <= eps + relative * found.gap_size
+    )
 
 
 def norm(v, n):
@@ -432,19 +429,13 @@ def is_vector(value, size):
     return fits(value, 1) and cnp.PyArray_DIM(value, 0) == size
 
 
-def place_of_vectors(m, vectors):
-    """Note q, h, b, lb and ub, which lie one after another."""
-    m.vectors = vectors
-    m.q = data_of(vectors)
+def solve(m: ActiveSet, vectors, settings: Settings, until):
+    """Solve the QP with these vectors, see `QP.joined`; return the code."""
+    m.vectors, m.q = vectors, data_of(vectors)
     m.h = m.q + m.n
     m.b = m.h + m.m
     m.lb = m.b + m.p
     m.ub = m.lb + m.n
-
-
-def solve(m: ActiveSet, vectors, settings: Settings, until):
-    """Solve the QP with these vectors, see `QP.joined`; return the code."""
-    place_of_vectors(m, vectors)
     take_settings(m, settings, until)
     run(m)
     return m.code
@@ -510,19 +501,15 @@ def solve_items(
     width = cython.declare(Py_ssize_t[8])
     out = cython.declare(cython.p_double[5])
     for k in range(8):
-        data[k] = data_of(arrays[k])
-    width[0], width[1], width[2], width[3] = n * n, n, rows * n, rows
-    width[4], width[5], width[6], width[7] = p * n, p, n, n
+        array: cnp.ndarray = arrays[k]
+        data[k] = data_of(array)
+        width[k] = cnp.PyArray_STRIDE(array, 0) // 8 if stacked[k] else 0
     has_new_matrices: cython.bint = stacked[0] or stacked[2] or stacked[4]
-    for k in range(8):
-        if not stacked[k]:
-            width[k] = 0
     for k in range(5):
         out[k] = data_of(outs[k])
     code = cython.cast(cython.p_longlong, cnp.PyArray_DATA(codes))
     count = cython.cast(cython.p_longlong, cnp.PyArray_DATA(iterations))
     m.is_single = True
-    wanted = m.wanted
     take_settings(m, settings, INFINITY)
     with cython.nogil:
         for i in range(first, end):
@@ -533,15 +520,12 @@ def solve_items(
             m.x, m.y, m.z = out[0] + i * n, out[1] + i * p, out[2] + i * rows
             m.z_box = out[3] + i * n
             forget_rows(m)
-            m.is_ready = m.is_ready and m.wanted == wanted and not has_new_matrices
-            m.wanted = wanted
+            m.is_ready = m.is_ready and not has_new_matrices
             code[i] = m.decide()
             count[i] = m.pivots
             cython.cast(cython.pointer(Numbers), out[4])[i] = m.found
             if m.interrupted:
                 break
-    m.is_ready = m.is_ready and m.wanted == wanted  # for the items of the next call
-    m.wanted = wanted
     raise_kept(m)
 
 
@@ -560,19 +544,14 @@ def factors_of(m: DenseActiveSet):
     other: DenseActiveSet = DenseActiveSet.__new__(DenseActiveSet)
     P, G, A = m.matrices
     attach(other, P, G, A, False)
-    place_of_vectors(other, m.vectors)
-    other.point = m.point
-    other.x, other.y, other.z, other.z_box = m.x, m.y, m.z, m.z_box
-    other.is_ready, other.skipped = True, m.skipped
     copy(m.factor, other.factor, m.n * m.n)
     copy(m.equations, other.equations, m.p * m.n)
     copy(m.schur, other.schur, m.p * m.p)
     copy(m.triangle, other.triangle, m.k * (m.k + 1) // 2)
     forget_responses(other)
-    other.k = m.k
+    other.k, other.skipped = m.k, m.skipped
     for i in range(m.k):
-        row = m.active[i]
-        other.active[i], other.side[row] = row, m.side[row]
+        row = other.active[i] = m.active[i]
         copy(response_of(m, row), claim_place(other, row), m.length)
     return other
 

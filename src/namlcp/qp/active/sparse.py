@@ -89,9 +89,6 @@ class SparseActiveSet:
         times_both(G, self.m, n, x, self.Gx, self.z, self.Gtz)
         times_both(A, self.p, n, x, self.Ax, self.y, self.Aty)
 
-    def set_row_products(self):
-        self.set_products(False)
-
     def decide(self):
         self.pivots = 0
         if not self.is_ready or is_faulty(self):
