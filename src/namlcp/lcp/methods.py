@@ -168,13 +168,10 @@ METHODS = (
     Method("tridiagonal", "elimination from a start nearby", solve_by_elimination,
            stage="auto", suits=lambda A, _: A.is_sparse and A.tridiagonal is not None,
            unsettled=(Status.DIVERGED,)),
-    Method("sor", "a few sweeps of projected SOR", partial(solve_by_sweeps, most=200),
-           stage="auto", suits=is_large, unsettled=SLOW),
+    Method("sor", "a few sweeps of projected SOR", solve_by_sweeps, stage="auto",
+           suits=is_large, unsettled=SLOW),
     Method("multigrid", "cycles for differential equations", solve_by_multigrid,
            OPTIONS, stage="auto", suits=has_cycles, unsettled=SLOW),
-    Method("more sor", "where cycles fail", partial(solve_by_sweeps, most=5000),
-           stage="auto", suits=lambda A, end: has_cycles(A, end) and not A.symmetric,
-           unsettled=SLOW),
     Method("pivoting", "then general, if stalled", solve_by_pivoting, stage="auto"),
     Method("lemke", "Lemke's path of one covering vector", solve_lemke,
            ("cover", "eps_rel")),
@@ -200,6 +197,7 @@ METHODS = (
 AUTO = [method for method in METHODS if method.stage == "auto"]
 GENERAL = [method for method in METHODS if method.stage == "general"]
 NAMED = {method.name: method for method in METHODS if method.takes}
+
 
 def find_method(method: str, options: Collection[str] = ()) -> Method:
     """Return a method; raise if it is unknown or lacks an option that is given."""

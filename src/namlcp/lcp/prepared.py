@@ -8,7 +8,7 @@ from scipy import sparse
 from scipy.sparse.linalg import LinearOperator
 
 from namlcp.checks import finite_square_matrix, vector
-from namlcp.lcp.loops import read_rows
+from namlcp.lcp.tridiagonal import read_rows
 from namlcp.linalg.arrays import stamp_of_arrays
 from namlcp.linalg.columns import Columns, columns_of
 from namlcp.linalg.csc import arrays_of
