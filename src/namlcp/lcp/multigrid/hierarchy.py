@@ -25,7 +25,7 @@ import numpy as np
 from scipy import sparse
 from scipy.linalg.blas import daxpy, dnrm2
 
-from namlcp.lcp.multigrid.kernels import ascend, descend, truncate_coarse
+from namlcp.lcp.multigrid.kernels import affine, ascend, descend, truncate_coarse
 from namlcp.lcp.prepared import Prepared
 from namlcp.limits import NEVER, Deadline
 from namlcp.linalg.csc import arrays_of
@@ -141,13 +141,13 @@ class VCycle:
         symmetric.
         """
         A, free = self.levels[k].A, self.faces[k].dinv != 0.0
-        x, p, Ap = np.zeros((3, r.size))
+        x, p, Ap, zero = np.zeros((4, r.size))
         square = 1.0
         for _ in range(steps):
             if dnrm2(r) <= goal:
                 break
             y = self.solve(k, r)
-            Ay = np.where(free, A @ y, 0.0)
+            Ay = np.where(free, affine(A, y, zero), 0.0)
             overlap = float(Ay @ Ap) / square
             p, Ap = daxpy(p, y, a=-overlap), daxpy(Ap, Ay, a=-overlap)
             square = float(Ap @ Ap)
