@@ -1,7 +1,6 @@
 """Loops over the data of an LCP, each one pass."""
 
 import cython
-import numpy as np
 from cython.cimports.libc.math import INFINITY, fabs, sqrt
 from cython.cimports.namlcp.box import clip
 from cython.cimports.namlcp.linalg.arrays import numbers, places
