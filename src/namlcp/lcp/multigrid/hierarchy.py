@@ -140,14 +140,15 @@ class VCycle:
         takes as many V-cycles as conjugate gradients, or as BiCGStab where A is not
         symmetric.
         """
-        A, free = self.levels[k].A, self.faces[k].dinv != 0.0
+        A, free = self.levels[k].A, 1.0 * (self.faces[k].dinv != 0.0)
         x, p, Ap, zero = np.zeros((4, r.size))
         square = 1.0
         for _ in range(steps):
             if dnrm2(r) <= goal:
                 break
             y = self.solve(k, r)
-            Ay = np.where(free, affine(A, y, zero), 0.0)
+            Ay = affine(A, y, zero)
+            Ay *= free
             overlap = float(Ay @ Ap) / square
             p, Ap = daxpy(p, y, a=-overlap), daxpy(Ap, Ay, a=-overlap)
             square = float(Ap @ Ap)
