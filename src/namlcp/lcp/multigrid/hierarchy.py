@@ -176,7 +176,6 @@ class Hierarchy(NamedTuple):
     The first level is S A S, S = diag(scale).
     """
 
-    A: Any
     symmetric: bool
     scale: np.ndarray
     levels: list[Level]
@@ -186,7 +185,7 @@ class FreeSystem:
     """A_FF x = b for one F and any number of right-hand sides; F (n,) is a mask."""
 
     def __init__(self, hierarchy: Hierarchy, free: np.ndarray) -> None:
-        self.hierarchy, self.free = hierarchy, free
+        self.scale, self.free = hierarchy.scale, free
         self.cycle = VCycle(hierarchy.levels, hierarchy.symmetric)
         self.cycle.faces[0].dinv[~free] = 0.0
         self.cycle.follow_face(0)
@@ -197,13 +196,13 @@ class FreeSystem:
         b is (n,); entries outside F are not read. The norm is that of the scaled system
         of the hierarchy.
         """
-        scale, A = self.hierarchy.scale, self.hierarchy.A
-        x, r = np.zeros(b.size), np.where(self.free, scale * b, 0.0)
-        goal = accuracy * float(np.linalg.norm(r))
+        A, scale, free = self.cycle.levels[0].A, self.scale, self.free
+        b = np.where(free, scale * b, 0.0)
+        x, r, goal = np.zeros(b.size), b, accuracy * float(np.linalg.norm(b))
         for _ in range(RESTARTS):
-            x += scale * self.cycle.krylov(0, r, goal, LINEAR_STEPS)
-            r = np.where(self.free, scale * (b - A @ x), 0.0)
-        return x, bool(np.linalg.norm(r) <= goal)
+            x += self.cycle.krylov(0, r.copy(), goal, LINEAR_STEPS)
+            r = np.where(free, b - A @ x, 0.0)
+        return scale * x, bool(np.linalg.norm(r) <= goal)
 
 
 def suits(A: Any) -> bool:
@@ -256,7 +255,7 @@ def build(A: Any, symmetric: bool, deadline: Deadline) -> Hierarchy | None:
             break
     if best is None or least > USELESS:
         return None
-    return Hierarchy(A, symmetric, scale, best)
+    return Hierarchy(symmetric, scale, best)
 
 
 def scaling(A: Any) -> np.ndarray:
