@@ -127,22 +127,6 @@ def is_solved_by_zero(lcp: LCP) -> bool:
     return not np.maximum(np.minimum(w, z - lcp.lower), z - lcp.upper).any()
 
 
-def diagonal_of(
-    name: str, value: Any, n: int, default: np.ndarray, positive: bool = False
-) -> np.ndarray:
-    """Return a checked (n,) diagonal from an array, a number or None (the default)."""
-    if value is None:
-        return default
-    diagonal = number_or_vector(name, value, n)
-    refuse_number(name, diagonal, False)
-    wrong = np.flatnonzero(diagonal <= 0.0 if positive else diagonal < 0.0)
-    if wrong.size:
-        i = wrong[0]
-        wanted = "be positive" if positive else "not be negative"
-        raise ValueError(f"{name} must {wanted}, got {diagonal[i]:g} at ({i})")
-    return diagonal
-
-
 def lcp_data(matrix: Prepared, q: Any, lower: Any, upper: Any) -> tuple[LCP, float]:
     """Check the user's vectors; raise TypeError or ValueError, or return the LCP.
 

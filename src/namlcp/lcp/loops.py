@@ -1,7 +1,7 @@
 """Loops over the data of an LCP, each one pass."""
 
 import cython
-from cython.cimports.libc.math import INFINITY, NAN, fabs, sqrt
+from cython.cimports.libc.math import INFINITY, fabs, sqrt
 from cython.cimports.namlcp.box import clip
 from cython.cimports.namlcp.linalg.arrays import numbers, places
 from cython.cimports.namlcp.linalg.vectors import dot
@@ -38,28 +38,6 @@ def affine_at(A, z, q, w, n):
     """Write w = A z + q for a dense A of a few rows."""
     for i in range(n):
         w[i] = dot(A + i * n, z, n) + q[i]
-
-
-def read_rows(indptr, indices, data, rows):
-    """Write the rows of a canonical CSR matrix; tell if it is tridiagonal, a_ii > 0.
-
-    The entries of INVERSE are NaN from the first pivot that is not positive.
-    """
-    coupling = 0.0
-    for i in range(indptr.shape[0] - 1):
-        rows[BELOW, i] = rows[DIAGONAL, i] = rows[ABOVE, i] = 0.0
-        for k in range(indptr[i], indptr[i + 1]):
-            j = indices[k] - i
-            if j < -1 or j > 1:
-                return False
-            rows[j + 1, i] = data[k]
-        if not rows[DIAGONAL, i] > 0.0:
-            return False
-        pivot = rows[DIAGONAL, i] - rows[BELOW, i] * coupling
-        rows[INVERSE, i] = 1.0 / pivot if pivot > 0.0 else NAN
-        coupling = rows[ABOVE, i] * rows[INVERSE, i]
-        rows[ROOT, i] = 1.0 / sqrt(rows[DIAGONAL, i])
-    return True
 
 
 def row_sums(indptr, indices, data, x, roundoff, least, own, others, margin):

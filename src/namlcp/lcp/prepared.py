@@ -7,8 +7,9 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import LinearOperator
 
-from namlcp.checks import finite_square_matrix, vector
-from namlcp.lcp.loops import read_rows, two_colours
+from namlcp.checks import finite_square_matrix, number_or_vector, refuse_number
+from namlcp.lcp.loops import two_colours
+from namlcp.lcp.tridiagonal import read_rows
 from namlcp.linalg.arrays import stamp_of_arrays
 from namlcp.linalg.columns import Columns, columns_of
 from namlcp.linalg.csc import arrays_of
@@ -179,16 +180,7 @@ class Operator:
             raise ValueError(f"A must be square, got shape {A.shape}")
         if np.dtype(A.dtype or np.float64).kind not in "biuf":
             raise TypeError(f"A must be real, got a LinearOperator of dtype {A.dtype}")
-        self.known = np.ones(n)
-        if diagonal is not None:
-            self.known = vector("diagonal", diagonal, n, "A", A.shape, finite=True)
-            wrong = np.flatnonzero(self.known < 0.0)
-            if wrong.size:
-                i = wrong[0]
-                raise ValueError(
-                    "diagonal must not be negative (A must be positive semidefinite as "
-                    f"a LinearOperator), got {self.known[i]:g} at ({i})"
-                )
+        self.known = diagonal_of("diagonal", diagonal, n, np.ones(n))
         u, v = np.random.default_rng(0).standard_normal((2, n))
         Au, Av, norm = self @ u, self @ v, np.linalg.norm
         with np.errstate(all="ignore"):
@@ -210,3 +202,19 @@ class Operator:
     def diagonal(self) -> np.ndarray:
         """Return diag(A), ones if it is unknown."""
         return self.known
+
+
+def diagonal_of(
+    name: str, value: Any, n: int, default: np.ndarray, positive: bool = False
+) -> np.ndarray:
+    """Return a checked (n,) diagonal from an array, a number or None (the default)."""
+    if value is None:
+        return default
+    diagonal = number_or_vector(name, value, n)
+    refuse_number(name, diagonal, False)
+    wrong = np.flatnonzero(diagonal <= 0.0 if positive else diagonal < 0.0)
+    if wrong.size:
+        i = wrong[0]
+        wanted = "be positive" if positive else "not be negative"
+        raise ValueError(f"{name} must {wanted}, got {diagonal[i]:g} at ({i})")
+    return diagonal

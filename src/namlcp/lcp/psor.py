@@ -27,19 +27,17 @@ from namlcp.status import ENDS, Outcome, Status
 
 # Largest mu for which Young's alpha is at most 2/(1 + mu).
 YOUNG_IS_SAFE = 1.0 / math.sqrt(2.0)
-# Sweeps between two measurements of the rate.
-RATE_SWEEPS = 8
+# Sweeps at most, and between two measurements of the rate.
+MOST_SWEEPS, RATE_SWEEPS = 200, 8
 # Consecutive rates that must be too slow before the method stalls if alpha > 1, as
 # over-relaxed sweeps begin slowly; otherwise one is enough.
 SLOW = 3
 
 
-def solve_by_sweeps(
-    lcp: LCP, z0: np.ndarray | None, limits: Limits, most: int
-) -> Outcome:
+def solve_by_sweeps(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:
     """Solve an LCP with a csr_array by projected SOR from clip(z0).
 
-    STALLED: `most` sweeps will not suffice, or a diagonal entry is not positive.
+    STALLED: MOST_SWEEPS will not suffice, or a diagonal entry is not positive.
     """
     z, criterion = lcp.start(z0), Criterion(lcp, limits)
     mu = lcp.matrix.dominance
@@ -54,11 +52,11 @@ def solve_by_sweeps(
     alpha = 1.0
     if mu < 1.0:
         young = 2.0 / (1.0 + math.sqrt(1.0 - mu * mu))
-        promised = (young - 1.0) ** (most // 2) * criterion.size
+        promised = (young - 1.0) ** (MOST_SWEEPS // 2) * criterion.size
         # Symmetry is tested only if Young's alpha may do.
         if mu <= YOUNG_IS_SAFE or (promised <= criterion.goal and lcp.matrix.symmetric):
             alpha = young
-    status, k, w = relax_until(z, alpha, most, criterion)
+    status, k, w = relax_until(z, alpha, criterion)
     outcome = lcp.outcome(status, z, w, k, "psor")
     if limits.report is not None and status in ENDS:
         limits.report(k, outcome.residuals, lcp.active(z))
@@ -66,20 +64,20 @@ def solve_by_sweeps(
 
 
 def relax_until(
-    z: np.ndarray, alpha: float, most: int, criterion: Criterion
+    z: np.ndarray, alpha: float, criterion: Criterion
 ) -> tuple[Status, int, np.ndarray]:
     """Sweep from z, which is overwritten; return the sweeps made, and w.
 
     The criterion costs a product with A. It is therefore evaluated only if an estimate
     of the scaled Res from the last two sweeps is below its goal; a rejection divides
-    that goal by 10. STALLED: at the measured rate `most` sweeps do not suffice.
+    that goal by 10. STALLED: at the measured rate MOST_SWEEPS do not suffice.
     """
     lcp, goal, before = criterion.lcp, criterion.goal, math.inf
     _, q, lower, upper = lcp
     parts = *arrays_of(lcp.A), q, lower, upper, alpha, z
     second = lcp.matrix.second_colour if alpha > 1.0 else None
     checked, checked_at, slow = 0.0, 1, 0
-    for k in range(1, most + 1):
+    for k in range(1, MOST_SWEEPS + 1):
         if second is None:
             moved = relax(*parts, 1)
         else:
@@ -100,11 +98,11 @@ def relax_until(
                 left = math.inf
             elif goal > 0.0 < rate:
                 left = math.log(goal / moved) / math.log(rate)
-            slow = slow + 1 if k + left > most else 0
+            slow = slow + 1 if k + left > MOST_SWEEPS else 0
             if slow == (SLOW if alpha > 1.0 else 1):
                 return Status.STALLED, k, lcp.w(z)
             checked, checked_at = moved, k
         if criterion.limits.deadline.reached():
             return Status.TIME_LIMIT, k, lcp.w(z)
         before = moved
-    return Status.MAX_ITER, most, lcp.w(z)
+    return Status.MAX_ITER, MOST_SWEEPS, lcp.w(z)

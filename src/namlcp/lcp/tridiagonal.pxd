@@ -1,5 +1,13 @@
 cdef double SIGN_ROUNDING, SAME_PIVOT
 
+# Rows of a tridiagonal matrix: its diagonals, 1 / pivot, 1 / sqrt(a_ii).
+cdef enum:
+    BELOW
+    DIAGONAL
+    ABOVE
+    INVERSE
+    ROOT
+
 # Faces at most.
 cpdef enum:
     MOST_FACES = 50
@@ -33,6 +41,7 @@ cdef class Faces:
         double eps_abs, eps_rel, size, slack, least, plain, scaled
         bint inside
 
+cpdef bint read_rows(const int[::1] indptr, const int[::1] indices, const double[::1] data, double[:, ::1] rows) noexcept
 cdef Py_ssize_t eliminate(Faces m) noexcept nogil
 cdef void clip_into_box(Faces m, double* z, double* w) noexcept nogil
 cdef void set_residuals(Faces m, const double* z, const double* w) noexcept nogil

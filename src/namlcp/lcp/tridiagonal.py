@@ -13,9 +13,8 @@ that no divisions are needed from there on.
 
 import cython
 import numpy as np
-from cython.cimports.libc.math import INFINITY, fabs, sqrt
+from cython.cimports.libc.math import INFINITY, NAN, fabs, sqrt
 from cython.cimports.namlcp.box import clip
-from cython.cimports.namlcp.lcp.loops import ABOVE, BELOW, DIAGONAL, INVERSE, ROOT
 from cython.cimports.namlcp.linalg.arrays import numbers, signs
 from cython.cimports.namlcp.linalg.vectors import box_squares, copy, fill
 
@@ -29,6 +28,28 @@ SAME_PIVOT = 4.0 * np.finfo(float).eps
 
 class Faces:
     """A tridiagonal LCP, the face, and the point that it gives."""
+
+
+def read_rows(indptr, indices, data, rows):
+    """Write the rows of a canonical CSR matrix; tell if it is tridiagonal, a_ii > 0.
+
+    The entries of INVERSE are NaN from the first pivot that is not positive.
+    """
+    coupling = 0.0
+    for i in range(indptr.shape[0] - 1):
+        rows[BELOW, i] = rows[DIAGONAL, i] = rows[ABOVE, i] = 0.0
+        for k in range(indptr[i], indptr[i + 1]):
+            j = indices[k] - i
+            if j < -1 or j > 1:
+                return False
+            rows[j + 1, i] = data[k]
+        if not rows[DIAGONAL, i] > 0.0:
+            return False
+        pivot = rows[DIAGONAL, i] - rows[BELOW, i] * coupling
+        rows[INVERSE, i] = 1.0 / pivot if pivot > 0.0 else NAN
+        coupling = rows[ABOVE, i] * rows[INVERSE, i]
+        rows[ROOT, i] = 1.0 / sqrt(rows[DIAGONAL, i])
+    return True
 
 
 def eliminate(m):

@@ -26,6 +26,7 @@ import numpy as np
 from namlcp.lcp.data import LCP, Criterion
 from namlcp.lcp.loops import relax
 from namlcp.lcp.multigrid.hierarchy import Hierarchy, VCycle, hierarchy_of
+from namlcp.lcp.multigrid.kernels import affine
 from namlcp.limits import Deadline, Limits
 from namlcp.linalg.columns import LEAST_DIVISOR
 from namlcp.linalg.csc import arrays_of
@@ -71,7 +72,7 @@ class LevelLCP:
         """Begin anew from clip(z), z being overwritten."""
         self.z = np.clip(z, *self.box, out=z)
         self.settled, self.full_steps, self.begun = False, True, False
-        self.update(self.A @ z + self.q)
+        self.update(affine(self.A, z, self.q))
 
     def update(self, w: np.ndarray) -> None:
         self.w, self.residual = w, natural_residual(self.z, w, *self.box)
@@ -81,7 +82,7 @@ class LevelLCP:
         for _ in range(SWEEPS):
             relax(*problem, 1.0, self.z, 1)
             relax(*problem, 1.0, self.z, -1)
-        self.update(self.A @ self.z + self.q)
+        self.update(affine(self.A, self.z, self.q))
 
     def correct(self, goal: float) -> None:
         """Solve on the face, no more accurately than Res <= goal needs, and move."""
@@ -101,7 +102,7 @@ class LevelLCP:
             steps = NEW_FACE_STEPS
         x = self.cycle.krylov(self.k, r, floor, steps)
         x = np.clip(z + x, lower, upper) - z
-        Ax = self.A @ x
+        Ax = affine(self.A, x, np.zeros(x.size))
         slope, curvature = float(w @ x), float(x @ Ax)
         step = 1.0
         if self.cycle.symmetric and -slope < curvature:

@@ -25,7 +25,7 @@ import numpy as np
 from scipy import sparse
 from scipy.linalg.blas import daxpy, dnrm2
 
-from namlcp.lcp.multigrid.kernels import ascend, descend, truncate_coarse
+from namlcp.lcp.multigrid.kernels import affine, ascend, descend, truncate_coarse
 from namlcp.lcp.prepared import Prepared
 from namlcp.limits import NEVER, Deadline
 from namlcp.linalg.csc import arrays_of
@@ -140,14 +140,15 @@ class VCycle:
         takes as many V-cycles as conjugate gradients, or as BiCGStab where A is not
         symmetric.
         """
-        A, free = self.levels[k].A, self.faces[k].dinv != 0.0
-        x, p, Ap = np.zeros((3, r.size))
+        A, free = self.levels[k].A, 1.0 * (self.faces[k].dinv != 0.0)
+        x, p, Ap, zero = np.zeros((4, r.size))
         square = 1.0
         for _ in range(steps):
             if dnrm2(r) <= goal:
                 break
             y = self.solve(k, r)
-            Ay = np.where(free, A @ y, 0.0)
+            Ay = affine(A, y, zero)
+            Ay *= free
             overlap = float(Ay @ Ap) / square
             p, Ap = daxpy(p, y, a=-overlap), daxpy(Ap, Ay, a=-overlap)
             square = float(Ap @ Ap)
@@ -175,7 +176,6 @@ class Hierarchy(NamedTuple):
     The first level is S A S, S = diag(scale).
     """
 
-    A: Any
     symmetric: bool
     scale: np.ndarray
     levels: list[Level]
@@ -185,7 +185,7 @@ class FreeSystem:
     """A_FF x = b for one F and any number of right-hand sides; F (n,) is a mask."""
 
     def __init__(self, hierarchy: Hierarchy, free: np.ndarray) -> None:
-        self.hierarchy, self.free = hierarchy, free
+        self.scale, self.free = hierarchy.scale, free
         self.cycle = VCycle(hierarchy.levels, hierarchy.symmetric)
         self.cycle.faces[0].dinv[~free] = 0.0
         self.cycle.follow_face(0)
@@ -196,13 +196,13 @@ class FreeSystem:
         b is (n,); entries outside F are not read. The norm is that of the scaled system
         of the hierarchy.
         """
-        scale, A = self.hierarchy.scale, self.hierarchy.A
-        x, r = np.zeros(b.size), np.where(self.free, scale * b, 0.0)
-        goal = accuracy * float(np.linalg.norm(r))
+        A, scale, free = self.cycle.levels[0].A, self.scale, self.free
+        b = np.where(free, scale * b, 0.0)
+        x, r, goal = np.zeros(b.size), b, accuracy * float(np.linalg.norm(b))
         for _ in range(RESTARTS):
-            x += scale * self.cycle.krylov(0, r, goal, LINEAR_STEPS)
-            r = np.where(self.free, scale * (b - A @ x), 0.0)
-        return x, bool(np.linalg.norm(r) <= goal)
+            x += self.cycle.krylov(0, r.copy(), goal, LINEAR_STEPS)
+            r = np.where(free, b - A @ x, 0.0)
+        return scale * x, bool(np.linalg.norm(r) <= goal)
 
 
 def suits(A: Any) -> bool:
@@ -255,7 +255,7 @@ def build(A: Any, symmetric: bool, deadline: Deadline) -> Hierarchy | None:
             break
     if best is None or least > USELESS:
         return None
-    return Hierarchy(A, symmetric, scale, best)
+    return Hierarchy(symmetric, scale, best)
 
 
 def scaling(A: Any) -> np.ndarray:
