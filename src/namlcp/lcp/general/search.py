@@ -25,11 +25,8 @@ from namlcp.status import Status
 # Res of the scaled problem, relative to max |q_i|, at which a path ends; the largest
 # one from which the exact solution is sought, and again on the way where it has fallen
 # to the part AGAIN of that there; that of a point which is exact, whatever the
-# tolerances say. A path that has solved the problem, not exactly, has LEFT steps more.
-TARGET, CLOSE, AGAIN, EXACT, LEFT = 1e-9, 1e-4, 0.01, 1e-12, 30
-# Res of a solution of pivots, relative to that of clip(0), that a path may better:
-# where A is nearly singular, pivots lose digits.
-POOR = 1e-11
+# tolerances say.
+TARGET, CLOSE, AGAIN, EXACT = 1e-9, 1e-4, 0.01, 1e-12
 # Factorisations at most, by default: beyond those of earlier methods.
 FACTORISATIONS = 5000
 
@@ -95,15 +92,14 @@ class Search(Criterion):
         The exact solution is sought on the way as well: the end of a path may wind, or
         be lost in rounding, where the face has long been found.
         """
-        model, least, aim, left = self.model, math.inf, CLOSE, LEFT
+        model, least, aim = self.model, math.inf, CLOSE
         best = last = np.zeros(model.c.size)
         for p in points:
             last = p
             found = model.residual(p, model.F(p))
             if found < least:
                 least, best = found, p
-            left -= self.solved
-            if least <= TARGET or left == 0 or self.over():
+            if least <= TARGET or self.over():
                 break
             if found <= aim:
                 aim = AGAIN * found
@@ -150,9 +146,6 @@ class Search(Criterion):
             return None
         if self.least > EXACT * self.size:
             self.complete(self.model.p(outcome.point.z), outcome.method)
-        if self.least > POOR * self.size:
-            self.ended = False
-            self.by_path()
         return self.lcp.outcome(
             outcome.status, self.z, self.w, outcome.iterations, self.method
         )
