@@ -15,11 +15,15 @@ import numpy as np
 
 from namlcp.checks import vector
 from namlcp.lcp.data import LCP, LCPPoint
-from namlcp.lcp.general.enumeration import LARGEST_ENUMERATION, solve_by_enumeration
-from namlcp.lcp.general.lemke import solve_by_lemke, solve_game, solve_lemke
+from namlcp.lcp.general.lemke import (
+    LARGEST_ENUMERATION,
+    solve_by_enumeration,
+    solve_by_lemke,
+    solve_game,
+    solve_lemke,
+)
 from namlcp.lcp.general.paths import arc, farkas
 from namlcp.lcp.general.search import Search
-from namlcp.lcp.general.systems import system_of
 from namlcp.lcp.loops import MOST_SMALL
 from namlcp.lcp.modulus.methods import SWEEPS
 from namlcp.lcp.modulus.sweeps import sweep
@@ -29,6 +33,7 @@ from namlcp.lcp.multigrid.hierarchy import hierarchy_of
 from namlcp.lcp.pivoting.driver import Attempt
 from namlcp.lcp.prepared import Operator, Prepared
 from namlcp.lcp.psor import solve_by_sweeps
+from namlcp.lcp.shifted import system_of
 from namlcp.lcp.tridiagonal import solve_tridiagonal
 from namlcp.limits import Deadline, Limits
 from namlcp.linalg.threads import blas_threads

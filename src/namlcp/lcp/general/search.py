@@ -15,20 +15,16 @@ from namlcp.lcp.data import LCP, Criterion, is_solved_by_zero
 from namlcp.lcp.general.distances import Distances, Plain
 from namlcp.lcp.general.exact import finish, proximal_steps
 from namlcp.lcp.general.paths import mehrotra
-from namlcp.lcp.general.systems import System, system_of
 from namlcp.lcp.pivoting.rays import proof
-from namlcp.lcp.shifted import Shifted
+from namlcp.lcp.shifted import Shifted, System, system_of
 from namlcp.limits import Limits
 from namlcp.status import Outcome, Status
 
 # Res of the scaled problem, relative to max |q_i|, at which a path ends; the largest
 # one from which the exact solution is sought, and again on the way where it has fallen
 # to the part AGAIN of that there; that of a point which is exact, whatever the
-# tolerances say. A path that has solved the problem, not exactly, has LEFT steps more.
-TARGET, CLOSE, AGAIN, EXACT, LEFT = 1e-9, 1e-4, 0.01, 1e-12, 30
-# Res of a solution of pivots, relative to that of clip(0), that a path may better:
-# where A is nearly singular, pivots lose digits.
-POOR = 1e-11
+# tolerances say.
+TARGET, CLOSE, AGAIN, EXACT = 1e-9, 1e-4, 0.01, 1e-12
 # Factorisations at most, by default: beyond those of earlier methods.
 FACTORISATIONS = 5000
 
@@ -94,15 +90,14 @@ class Search(Criterion):
         The exact solution is sought on the way as well: the end of a path may wind, or
         be lost in rounding, where the face has long been found.
         """
-        model, least, aim, left = self.model, math.inf, CLOSE, LEFT
+        model, least, aim = self.model, math.inf, CLOSE
         best = last = np.zeros(model.c.size)
         for p in points:
             last = p
             found = model.residual(p, model.F(p))
             if found < least:
                 least, best = found, p
-            left -= self.solved
-            if least <= TARGET or left == 0 or self.over():
+            if least <= TARGET or self.over():
                 break
             if found <= aim:
                 aim = AGAIN * found
@@ -111,7 +106,7 @@ class Search(Criterion):
                     break
             self.counts()
         self.offer(self.clipped(best), method)
-        if least <= CLOSE and self.count < self.most:
+        if least <= CLOSE and not self.over():
             self.complete(best, method)
         if self.lcp.matrix.symmetric and not self.over():
             self.seek(proximal_steps(model, self.system, best), method, True)
@@ -149,9 +144,6 @@ class Search(Criterion):
             return None
         if self.least > EXACT * self.size:
             self.complete(self.model.p(outcome.point.z), outcome.method)
-        if self.least > POOR * self.size:
-            self.ended = False
-            self.by_path()
         return self.lcp.outcome(
             outcome.status, self.z, self.w, outcome.iterations, self.method
         )
