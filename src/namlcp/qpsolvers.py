@@ -78,8 +78,13 @@ def nam_solve_problem(
     arguments = problem.unpack()
     try:
         tried = None
-        if options.is_plain and initvals is None and warm_start is None:
-            tried = solve_small(QPResult, options.settings, start, False, *arguments)
+        kind, first = np.ndarray, initvals
+        if warm_start is not None:
+            kind, first = qpsolvers.Solution, warm_start
+        is_one = initvals is None or warm_start is None
+        if options.is_plain and is_one and (first is None or type(first) is kind):
+            how = QPResult, options.settings, start, False
+            tried = solve_small(*how, *arguments, first)
             if type(tried) is QPResult:
                 return solution(problem, tried)
         result = solve_arguments(

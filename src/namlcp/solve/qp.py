@@ -3,6 +3,8 @@
 from time import perf_counter
 from typing import Any
 
+import numpy as np
+
 from namlcp.options import DEFAULT_OPTIONS, Options, check_count, check_flag
 from namlcp.progress import QP_COLUMNS, Progress
 from namlcp.qp import (
@@ -122,8 +124,10 @@ def solve_qp(
         check_flag("derivative", derivative)
     arguments, tried = (P, q, G, h, A, b, lb, ub), None
     is_cold = x0 is None and warm_start is None
-    if options.is_plain and not history and (is_cold or type(warm_start) is QPResult):
-        data = arguments if is_cold else (*arguments, warm_start)
+    kind, first = (np.ndarray, x0) if warm_start is None else (QPResult, warm_start)
+    is_known = type(first) is kind and (x0 is None or warm_start is None)
+    if options.is_plain and not history and (is_cold or is_known):
+        data = arguments if is_cold else (*arguments, first)
         tried = solve_small(QPResult, options.settings, start, derivative, *data)
         if type(tried) is QPResult:
             return tried

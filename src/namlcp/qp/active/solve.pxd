@@ -1,7 +1,6 @@
 from namlcp.limits cimport Settings
 from namlcp.qp.active.dense cimport DenseActiveSet
 from namlcp.qp.active.engine cimport ActiveSet
-from namlcp.result_base cimport ResultBase
 
 cpdef enum:
     MOST_ORDER = 500
@@ -14,7 +13,7 @@ cpdef enum:
     MOST_LENGTH = 20_000
 
 cdef object SOLVED, DUAL, clock
-cdef double FEW_OPERATIONS, PASSES, OF_COST, OF_ROWS, MOST_ANEW
+cdef double FEW_OPERATIONS, PASSES, OF_COST, OF_ROWS, ACTIVE, MOST_ANEW
 
 cdef Py_ssize_t filled(const double* values, Py_ssize_t count) noexcept nogil
 cdef void take_settings(ActiveSet m, Settings settings, double until)
@@ -29,6 +28,8 @@ cdef bint is_certain(DenseActiveSet m) noexcept nogil
 cdef double norm(const double* v, Py_ssize_t n) noexcept nogil
 cdef unsigned long long stamp_of(DenseActiveSet m, tuple matrices)
 cdef void suggest_signs(ActiveSet m, const double* z, const double* z_box) noexcept
-cdef bint has_sizes(ResultBase result, ActiveSet m)
+cdef void suggest_point(DenseActiveSet m, const double* x) noexcept
+cdef bint is_met(double side, double value) noexcept
+cdef bint suggest_solution(ActiveSet m, object last)
 cdef bint is_vector(object value, Py_ssize_t size)
 cdef bint put(object value, double* place, Py_ssize_t size, double sign)

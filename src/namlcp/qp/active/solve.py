@@ -13,7 +13,7 @@ import cython
 import numpy as np
 from cython import Py_ssize_t
 from cython.cimports import numpy as cnp
-from cython.cimports.libc.math import INFINITY, sqrt
+from cython.cimports.libc.math import INFINITY, fabs, sqrt
 from cython.cimports.namlcp.limits import Settings
 from cython.cimports.namlcp.linalg.arrays import (
     NO_ENTRIES,
@@ -53,6 +53,7 @@ from cython.cimports.namlcp.watch import begin_watch, raise_kept
 from scipy.sparse import csc_array, csc_matrix
 
 from namlcp.options import DEFAULT_OPTIONS
+from namlcp.qp import problem
 from namlcp.qp.problem import Point
 from namlcp.status import Status
 
@@ -78,6 +79,8 @@ OUTCOMES = {
 # as take its time: FEW, and for each entry of P, G and A that is not zero PASSES, and
 # for each variable OF_COST more where it is one of P, OF_ROWS where it is one of a row.
 FEW_OPERATIONS, PASSES, OF_COST, OF_ROWS = 1e7, 200.0, 0.5, 2.0
+# Largest slack of a row that counts as active at a point, relative.
+ACTIVE = problem.ACTIVE
 # Operations of what is made anew, over those from which on a method gives up.
 MOST_ANEW = 0.2
 # MOST_LENGTH: most variables, rows and equations of a sparse QP together, as a response
@@ -166,7 +169,8 @@ def solve_small(
 
     P, G and A are dense, or in CSC and tiny, zeros included. Returns its result, of a
     class derived from `ResultBase`, or the `DenseActiveSet` that has tried in vain.
-    keeps: let the result have the factors. first: a `Guess` or a result to begin with.
+    keeps: let the result have the factors. first: a `Guess`, a solution or an x to
+    begin with.
     """
     if not fits(q, 1):
         return None
@@ -199,14 +203,14 @@ def solve_small(
     m.lb = bound_at(lb, m.no_bound, n, -INFINITY)
     m.ub = bound_at(ub, m.no_bound + n, n, INFINITY)
     take_settings(m, settings, start + settings.time_limit)
-    if isinstance(first, ResultBase):
-        last: ResultBase = first
-        if not has_sizes(last, m):
+    if cnp.PyArray_CheckExact(first):
+        if not (is_vector(first, n) and is_finite(first)):
             return None
-        if is_finite(last.x):  # else it is a certificate
-            suggest_signs(m, data_of(last.z), data_of(last.z_box))
-    elif first is not None:
+        suggest_point(m, data_of(first))
+    elif isinstance(first, problem.Guess):
         suggest(m, first)
+    elif first is not None and not suggest_solution(m, first):
+        return None
     ready: cython.double = clock()
     run(m)
     if m.code != DONE and m.code not in OUTCOMES:
@@ -415,14 +419,32 @@ def suggest_signs(m, z, z_box):
             m.hints += 1
 
 
-def has_sizes(result, m):
-    """Tell whether a result is one of a QP of the sizes of m."""
-    return (
-        is_vector(result.x, m.n)
-        and is_vector(result.y, m.p)
-        and is_vector(result.z, m.m)
-        and is_vector(result.z_box, m.n)
-    )
+def suggest_point(m, x):
+    """Begin with the rows that hold with equality at x, as `make_guess` has it."""
+    n, rows, signs = m.n, m.m, m.s
+    for i in range(rows):
+        signs[i] = is_met(m.h[i], dot(m.G + i * n, x, n))
+    for j in range(n):
+        signs[rows + j] = -1.0 if is_met(m.lb[j], x[j]) else is_met(m.ub[j], x[j])
+    suggest_signs(m, signs, signs + rows)
+
+
+def is_met(side, value):
+    return fabs(side) < INFINITY and fabs(side - value) <= ACTIVE * (1.0 + fabs(side))
+
+
+def suggest_solution(m, last):
+    """Begin with the rows that have multipliers in a solution; False if it is none."""
+    x, y, z, z_box = last.x, last.y, last.z, last.z_box
+    if is_vector(z_box, 0):  # without bounds
+        z_box = np.zeros(m.n)
+    if not (is_vector(x, m.n) and is_vector(y, m.p)):
+        return False
+    if not (is_vector(z, m.m) and is_vector(z_box, m.n)):
+        return False
+    if is_finite(x):  # else it is a certificate
+        suggest_signs(m, data_of(z), data_of(z_box))
+    return True
 
 
 def is_vector(value, size):
