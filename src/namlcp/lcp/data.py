@@ -13,7 +13,7 @@ from namlcp.checks import (
     vector,
     without_huge,
 )
-from namlcp.lcp.loops import is_ordinary
+from namlcp.lcp.loops import MOST_SMALL, affine, is_ordinary
 from namlcp.lcp.prepared import Prepared
 from namlcp.limits import Limits
 from namlcp.linalg.columns import LEAST_DIVISOR
@@ -54,7 +54,9 @@ class LCP(NamedTuple):
         return self.matrix.A
 
     def w(self, z: np.ndarray) -> np.ndarray:
-        return self.matrix.A @ z + self.q
+        A = self.matrix.A
+        is_small = type(A) is np.ndarray and z.size <= MOST_SMALL
+        return affine(A, z, self.q) if is_small else A @ z + self.q
 
     def start(self, z0: np.ndarray | None = None) -> np.ndarray:
         """Return z0, or 0 if it is None, clipped to the bounds: a new array."""

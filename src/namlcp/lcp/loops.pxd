@@ -7,6 +7,7 @@ cpdef enum:
 
 cpdef bint is_ordinary(object q, object lower, object upper) except -1
 cdef bint are_ordinary(const double* q, const double* lower, const double* upper, Py_ssize_t n) noexcept nogil
+cpdef object affine(object A, object z, object q)
 cdef void affine_at(const double* A, const double* z, const double* q, double* w, Py_ssize_t n) noexcept nogil
 cpdef void row_sums(const int[::1] indptr, const int[::1] indices, const double[::1] data, const double[::1] x, double roundoff, double least, double[::1] own, double[::1] others, double[::1] margin) noexcept
 cpdef double relax(object indptr, object indices, object data, object q, object lower, object upper, double alpha, object z, Py_ssize_t way) except? -1

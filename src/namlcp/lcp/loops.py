@@ -1,6 +1,7 @@
 """Loops over the data of an LCP, each one pass."""
 
 import cython
+import numpy as np
 from cython.cimports.libc.math import INFINITY, fabs, sqrt
 from cython.cimports.namlcp.box import clip
 from cython.cimports.namlcp.linalg.arrays import numbers, places
@@ -34,8 +35,15 @@ def are_ordinary(q, lower, upper, n):
     return (size == 0.0 or 1e-90 < size < 1e90) and faults == 0
 
 
+def affine(A, z, q):
+    """Return A z + q for a dense A of a few rows."""
+    n: cython.Py_ssize_t = q.size
+    w = np.empty(n)
+    affine_at(numbers(A, n * n), numbers(z, n), numbers(q, n), numbers(w, n), n)
+    return w
+
+
 def affine_at(A, z, q, w, n):
-    """Write w = A z + q for a dense A of a few rows."""
     for i in range(n):
         w[i] = dot(A + i * n, z, n) + q[i]
 

@@ -77,10 +77,9 @@ FROM, EVERY, GROWTH, SHRINK = 32, 8, 4.0, 0.93
 RETRIES = 8
 # Largest relative change of Omega for which a factored method keeps its factors.
 REFACTOR = 0.2
-# Most Lanczos steps, and the error bound of both extreme Ritz values, relative to them,
-# at which fewer are taken. An image orthogonal to the basis of a norm up to INVARIANT
-# means that all eigenvalues are found.
-LANCZOS, SHARP, INVARIANT = 14, 0.02, 1e-8
+# Most Lanczos steps. An image orthogonal to the basis of a norm up to INVARIANT means
+# that all eigenvalues are found.
+LANCZOS, INVARIANT = 14, 1e-8
 # Largest row sum of the scaled |I - A| for which the bounds 1 -+ row sum are used
 # instead of Ritz values.
 CERTAIN = 0.5
@@ -293,18 +292,17 @@ class AdaptiveStep(Step):
     ) -> tuple[float, float, float]:
         """Return the extreme Ritz values and the error bound of the lower one.
 
-        The start vector is (1, ..., 1), near the lowest eigenvector of an M-matrix,
-        plus the change of z, both normalised.
+        The start vector is the change of z, or (1, ..., 1), near the lowest eigenvector
+        of an M-matrix.
         """
-        v = free / math.sqrt(np.count_nonzero(free))
-        y = np.where(free, change * self.root, 0.0)
-        size = np.linalg.norm(y)
-        if 0.0 < size < math.inf:
-            v = v + y / (size if v @ y >= 0.0 else -size)
+        v = np.where(free, change * self.root, 0.0)
+        if not 0.0 < np.linalg.norm(v) < math.inf:
+            v = free / 1.0
+        v = v / np.linalg.norm(v)
         basis: list[np.ndarray] = []
         diagonal: list[float] = []
         beside = [float(np.linalg.norm(v))]
-        values, error = np.ones(1), np.zeros(1)
+        values, error = np.ones(1), 0.0
         while len(basis) < steps and beside[-1] > INVARIANT:
             basis.append(v / beside[-1])
             v = np.where(free, (self.C @ (basis[-1] / self.root)) / self.root, 0.0)
@@ -314,10 +312,8 @@ class AdaptiveStep(Step):
                 v = v - (u @ v) * u
             beside.append(float(np.linalg.norm(v)))
             values, vectors = eigh_tridiagonal(diagonal, beside[1:-1])
-            error = beside[-1] * np.abs(vectors[-1])
-            if (error[[0, -1]] < SHARP * values[[0, -1]]).all():
-                break
-        return float(values[0]), float(values[-1]), float(error[0])
+            error = beside[-1] * abs(float(vectors[-1, 0]))
+        return float(values[0]), float(values[-1]), error
 
 
 def factor(P: float, g: float, x: float) -> float:

@@ -15,12 +15,11 @@ the residual; infinite bounds are compared, never subtracted. Callers have check
 every diagonal entry is stored and positive.
 
 All vectors are rows of two-dimensional arrays: `vectors` has the diagonals of Omega and
-P^-1, q, work space, and the bounds, which `sweep_csr` does not need if they are 0 and
-inf; an iterate has s and z = clip(s, lower, upper).
+P^-1, q, work space, and the bounds; an iterate has s and z = clip(s, lower, upper).
 """
 
 import cython
-from cython.cimports.libc.math import INFINITY, sqrt
+from cython.cimports.libc.math import sqrt
 from cython.cimports.namlcp.box import clip
 from cython.cimports.namlcp.linalg.arrays import numbers, places
 from cython.cimports.namlcp.linalg.blas import blas_dot
@@ -29,28 +28,24 @@ from cython.cimports.namlcp.linalg.blas import blas_dot
 def sweep_csr(indptr, indices, data, vectors, G, H, old, new):
     """Write the next iterate to `new` and return Res(z) of `old`, (2, n) arrays.
 
-    A is sorted CSR without duplicates. `vectors` has the rows OMEGA to UPPER, or to
-    CHANGE if the bounds are 0 and inf; row CHANGE is overwritten. `old` and `new` must
-    not overlap.
+    A is sorted CSR without duplicates. `vectors` has the rows OMEGA to UPPER; row
+    CHANGE is overwritten. `old` and `new` must not overlap.
     """
     n: cython.Py_ssize_t = old.shape[1]
-    count: cython.Py_ssize_t = vectors.shape[0]
     row, column = places(indptr, n + 1), places(indices, data.size)
-    entry, first = numbers(data, data.size), numbers(vectors, count * n)
+    entry, first = numbers(data, data.size), numbers(vectors, 6 * n)
     s, s_next = numbers(old, 2 * n), numbers(new, 2 * n)
     z, z_next = s + n, s_next + n
     omega, inverse, q = first + OMEGA * n, first + INVERSE * n, first + Q * n
     change, lower, upper = first + CHANGE * n, first + LOWER * n, first + UPPER * n
-    boxed: cython.bint = count > LOWER  # else there are no bounds to read
-    total, l, u = 0.0, 0.0, INFINITY
+    total = 0.0
     last = 0.0  # G ds + H dz of the row above
     k: cython.Py_ssize_t = row[0]
     with cython.nogil:
         for i in range(n):
             end = row[i + 1]
             above = i - 1
-            if boxed:
-                l, u = lower[i], upper[i]
+            l, u = lower[i], upper[i]
             zi, si = z[i], s[i]
             r = q[i]  # becomes (A z + q)_i
             earlier = 0.0  # sum a_ij change_j over L without the row above

@@ -194,19 +194,16 @@ def fixed_step(lcp: LCP, chosen: Sweep, parameters: Parameters) -> Step | None:
         return factored_step(lcp, chosen, parameters)
     A, (_, q, lower, upper) = lcp.A, lcp
     alpha, beta, omega, shift = parameters
-    is_dense = isinstance(A, np.ndarray)
-    boxed = is_dense or bool(lower.any()) or not np.all(upper == np.inf)
-    vectors = np.empty((6 if boxed else 4, q.size))
+    vectors = np.empty((6, q.size))
     vectors[OMEGA], vectors[Q] = omega, q
-    if boxed:
-        vectors[LOWER], vectors[UPPER] = lower, upper
+    vectors[LOWER], vectors[UPPER] = lower, upper
     P = A.diagonal() / alpha
     P += omega
     if shift is not None:
         P += shift
     np.divide(1.0, P, out=vectors[INVERSE])
     weights = beta / alpha + chosen.own, chosen.reflected
-    if is_dense:
+    if isinstance(A, np.ndarray):
         return Step(omega, partial(sweep_dense, A, vectors, *weights))
     return Step(omega, partial(sweep_csr, *arrays_of(A), vectors, *weights))
 
