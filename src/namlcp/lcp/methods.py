@@ -15,8 +15,13 @@ import numpy as np
 
 from namlcp.checks import vector
 from namlcp.lcp.data import LCP, LCPPoint
-from namlcp.lcp.general.enumeration import LARGEST_ENUMERATION, solve_by_enumeration
-from namlcp.lcp.general.lemke import solve_by_lemke, solve_game, solve_lemke
+from namlcp.lcp.general.lemke import (
+    LARGEST_ENUMERATION,
+    solve_by_enumeration,
+    solve_by_lemke,
+    solve_game,
+    solve_lemke,
+)
 from namlcp.lcp.general.paths import arc, farkas
 from namlcp.lcp.general.search import Search
 from namlcp.lcp.general.systems import system_of

@@ -27,9 +27,6 @@ from namlcp.status import Status
 # to the part AGAIN of that there; that of a point which is exact, whatever the
 # tolerances say. A path that has solved the problem, not exactly, has LEFT steps more.
 TARGET, CLOSE, AGAIN, EXACT, LEFT = 1e-9, 1e-4, 0.01, 1e-12, 30
-# Res of a solution of pivots, relative to that of clip(0), that a path may better:
-# where A is nearly singular, pivots lose digits.
-POOR = 1e-11
 # Factorisations at most, by default: beyond those of earlier methods.
 FACTORISATIONS = 5000
 
@@ -150,9 +147,6 @@ class Search(Criterion):
             return None
         if self.least > EXACT * self.size:
             self.complete(self.model.p(outcome.point.z), outcome.method)
-        if self.least > POOR * self.size:
-            self.ended = False
-            self.by_path()
         return self.lcp.outcome(
             outcome.status, self.z, self.w, outcome.iterations, self.method
         )
