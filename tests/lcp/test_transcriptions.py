@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from namlcp.lcp.general.systems import system_of
+from namlcp.lcp.shifted import system_of
 from validation.problems.general.families import FAMILIES
 
 

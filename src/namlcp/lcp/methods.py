@@ -24,7 +24,6 @@ from namlcp.lcp.general.lemke import (
 )
 from namlcp.lcp.general.paths import arc, farkas
 from namlcp.lcp.general.search import Search
-from namlcp.lcp.general.systems import system_of
 from namlcp.lcp.loops import MOST_SMALL
 from namlcp.lcp.modulus.methods import SWEEPS
 from namlcp.lcp.modulus.sweeps import sweep
@@ -34,6 +33,7 @@ from namlcp.lcp.multigrid.hierarchy import hierarchy_of
 from namlcp.lcp.pivoting.driver import Attempt
 from namlcp.lcp.prepared import Operator, Prepared
 from namlcp.lcp.psor import solve_by_sweeps
+from namlcp.lcp.shifted import system_of
 from namlcp.lcp.tridiagonal import solve_tridiagonal
 from namlcp.limits import Deadline, Limits
 from namlcp.linalg.threads import blas_threads

@@ -38,8 +38,7 @@ from scipy import sparse
 
 from namlcp.lcp.data import LCP
 from namlcp.lcp.general.distances import Distances
-from namlcp.lcp.general.systems import System, WithFriction
-from namlcp.lcp.shifted import Shifted
+from namlcp.lcp.shifted import Shifted, System, WithFriction
 
 # Added to the unit diagonal, so that a singular matrix can be factored; steps at most.
 SHIFT, STEPS = 1e-11, 100

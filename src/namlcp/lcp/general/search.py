@@ -15,9 +15,8 @@ from namlcp.lcp.data import LCP, Criterion, is_solved_by_zero
 from namlcp.lcp.general.distances import Distances, Plain
 from namlcp.lcp.general.exact import finish, proximal_steps
 from namlcp.lcp.general.paths import mehrotra
-from namlcp.lcp.general.systems import System, system_of
 from namlcp.lcp.pivoting.rays import proof
-from namlcp.lcp.shifted import Shifted
+from namlcp.lcp.shifted import Shifted, System, system_of
 from namlcp.limits import Limits
 from namlcp.outcome import Outcome
 from namlcp.status import Status
