@@ -39,7 +39,6 @@ def test_solutions_with_friction_are_those_of_dense_algebra(family, digits):
         close = 1e-15 * np.linalg.cond(K) * np.abs(x).max()
         assert np.allclose(factors.solve(r), x, rtol=0.0, atol=close)
         assert np.array_equal(factors.solve(r[:, 0]), factors.solve(r)[:, 0])
-        assert factors.entries > 0
 
 
 def changed(A, *entries):

@@ -21,14 +21,9 @@ WRONG = 1e-12
 
 
 class ShiftedFactors(NamedTuple):
-    """Factors of a sum, with as many entries.
-
-    solve: b, (n,) or (n, k), to the solution. is_positive: whether the determinant is,
-    of LU.
-    """
+    """solve: b, (n,) or (n, k), to x. is_positive: whether the determinant of LU is."""
 
     solve: Callable[[np.ndarray], np.ndarray]
-    entries: int
     is_positive: Any = None
 
 
@@ -61,9 +56,7 @@ class Shifted:
             self.data[self.last] = signs * (self.own + diagonal)
             with contextlib.suppress(ValueError):  # a pivot is 0, by rounding
                 self.plan.refactor(self.data)
-                return ShiftedFactors(
-                    lambda b: self.plan.solve(signs * b), self.plan.entries
-                )
+                return ShiftedFactors(lambda b: self.plan.solve(signs * b))
         if sparse.issparse(M):
             try:
                 lu = splu(sparse.csc_array(M + sparse.diags_array(diagonal)))
@@ -71,7 +64,6 @@ class Shifted:
                 return None
             return ShiftedFactors(
                 lu.solve,
-                int(lu.nnz),
                 lambda: is_even(lu.U.diagonal(), lu.perm_r, lu.perm_c),
             )
         K = M.copy(order="F")
@@ -81,7 +73,6 @@ class Shifted:
             return None
         return ShiftedFactors(
             lambda b: dgetrs(lu, pivots, b)[0],
-            lu.size,
             lambda: (
                 is_even(np.where(pivots == np.arange(pivots.size), 1.0, -1.0))
                 == is_even(lu.diagonal())
@@ -155,7 +146,7 @@ class WithFriction:
         def is_positive() -> bool:
             return bool(np.count_nonzero(lu.pivots < 0.0) % 2 == 0)
 
-        return ShiftedFactors(solve, lu.entries, is_positive)
+        return ShiftedFactors(solve, is_positive)
 
 
 System = Shifted | WithFriction

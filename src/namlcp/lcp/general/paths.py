@@ -67,14 +67,10 @@ ARC_SHIFT, ARC_STEPS, PROMISED_STEPS = 1e-12, 400, 5000
 # step; where an earlier point of the stack is taken instead; in any step.
 FIRST_STEP, LEAST_STEP, MOST_STEP = 0.9, 0.02, 0.98
 # Relative changes back to the curve: below NEAR steps grow, above FAR they shrink;
-# above LOST the point is given up, above LOST_AGAIN if the last one was.
-NEAR, FAR, LOST, LOST_AGAIN = 0.05, 0.2, 1.0, 0.7
-# After a point was given up: factor of the step from the one before, and largest
-# relative change back to the curve in it.
-SHORTER, LIMITED = 0.3, 0.5
-# Points on the stack at most, and entries of their factors: these take 8 bytes each, 24
-# with indices and copies of SuperLU.
-KEPT, KEPT_ENTRIES = 30, 10_000_000
+# above LOST the point is given up, and the step from the one before is SHORTER.
+NEAR, FAR, LOST, SHORTER = 0.05, 0.2, 1.0, 0.3
+# Points on the stack at most.
+KEPT = 3
 # Entry of p, relative to max |c_i| = 1, and t, at which the path ends.
 FAR_AWAY, LARGE_T = 1e10, 1e4
 
@@ -258,12 +254,12 @@ class Directions:
         a = self.model.of(dp) / self.at.gaps
         return np.concatenate((a, products - a))
 
-    def move(self, theta: float) -> tuple[PathPoint, float]:
-        """Return the point a step h along the curve and theta of V away, and its t."""
+    def move(self) -> tuple[PathPoint, float]:
+        """Return the point a step h along the curve and V away, and its t."""
         at, model, number = self.at, self.model, self.at.m.size
         tau = self.h / max(float(np.abs(self.U).max(initial=0.0)), 1.0)
         tau = -tau if self.forward else tau
-        rates, dp = tau * self.U + theta * self.V, tau * self.du + theta * self.dv
+        rates, dp = tau * self.U + self.V, tau * self.du + self.dv
         # products are to stay what the first order makes them
         bend = -(tau**2) * self.U[:number] * self.U[number:]
         dx = self.factors.solve(model.total(at.m * bend))
@@ -271,7 +267,7 @@ class Directions:
         if np.abs(X).max(initial=0.0) <= 0.5 * self.h:
             rates += X
             dp += dx
-        rate = tau + theta * self.tv
+        rate = tau + self.tv
         fall = max(float(-rates.min(initial=0.0)), -rate)
         cut = min(1.0, MOST_STEP / fall) if fall > 0.0 else 1.0
         gaps = at.gaps * (1.0 + cut * rates[:number])
@@ -288,7 +284,7 @@ def arc(model: Distances, system: System) -> Iterator[np.ndarray]:
     F = model.F(p)
     m = np.maximum(model.of(F), 0.0) + 1.0
     curve = model, model.total(m) - F, gaps * m
-    at, t, h, off = PathPoint(p, gaps, m), 1.0, FIRST_STEP, False
+    at, t, h = PathPoint(p, gaps, m), 1.0, FIRST_STEP
     stack: list[Directions] = []
     for _ in range(PROMISED_STEPS if isinstance(system, WithFriction) else ARC_STEPS):
         yield at.p
@@ -296,14 +292,13 @@ def arc(model: Distances, system: System) -> Iterator[np.ndarray]:
             return
         factors = system.factors(model.total(at.m / at.gaps, 1.0) + ARC_SHIFT)
         here = None if factors is None else Directions(curve, at, t, factors)
-        off = here is None or not here.error <= (LOST_AGAIN if off else LOST)
+        off = here is None or not here.error <= LOST
         if here is not None and math.isfinite(here.error) and not (off and stack):
             here.h = 0.7 * h if here.error > FAR else h
             if here.error < NEAR:
-                here.h = min(MOST_STEP, max(2.0 * h, 1.0 - (1.0 - h) ** 1.5))
+                here.h = min(MOST_STEP, 2.0 * h)
             stack.append(here)
-            room = KEPT_ENTRIES // here.factors.entries
-            del stack[: -max(1, min(KEPT, room))]
+            del stack[:-KEPT]
         elif stack:  # an earlier point is better where the last step was short
             stack[-1].h *= SHORTER
             while stack[-1].h < LEAST_STEP and len(stack) > 1:
@@ -311,7 +306,6 @@ def arc(model: Distances, system: System) -> Iterator[np.ndarray]:
                 stack[-1].h *= SHORTER
         else:
             return
-        top = stack[-1]
-        h = top.h
-        at, t = top.move(min(1.0, LIMITED / top.error) if off and top.error else 1.0)
+        h = stack[-1].h
+        at, t = stack[-1].move()
     yield at.p

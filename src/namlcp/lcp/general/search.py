@@ -108,7 +108,7 @@ class Search(Criterion):
                     break
             self.counts()
         self.offer(self.clipped(best), method)
-        if least <= CLOSE and self.count < self.most:
+        if least <= CLOSE and not self.over():
             self.complete(best, method)
         if self.lcp.matrix.symmetric and not self.over():
             self.seek(proximal_steps(model, self.system, best), method, True)
