@@ -21,7 +21,7 @@ WRONG = 1e-12
 
 
 class ShiftedFactors(NamedTuple):
-    """solve: b, (n,) or (n, k), to x. is_positive: whether det is, of L U factors."""
+    """solve: b, (n,) or (n, k), to x. is_positive: whether the determinant of LU is."""
 
     solve: Callable[[np.ndarray], np.ndarray]
     is_positive: Any = None

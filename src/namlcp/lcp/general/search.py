@@ -23,8 +23,8 @@ from namlcp.status import Outcome, Status
 # Res of the scaled problem, relative to max |q_i|, at which a path ends; the largest
 # one from which the exact solution is sought, and again on the way where it has fallen
 # to the part AGAIN of that there; that of a point which is exact, whatever the
-# tolerances say.
-TARGET, CLOSE, AGAIN, EXACT = 1e-9, 1e-4, 0.01, 1e-12
+# tolerances say. A path that has solved the problem, not exactly, has LEFT steps more.
+TARGET, CLOSE, AGAIN, EXACT, LEFT = 1e-9, 1e-4, 0.01, 1e-12, 30
 # Factorisations at most, by default: beyond those of earlier methods.
 FACTORISATIONS = 5000
 
@@ -90,14 +90,15 @@ class Search(Criterion):
         The exact solution is sought on the way as well: the end of a path may wind, or
         be lost in rounding, where the face has long been found.
         """
-        model, least, aim = self.model, math.inf, CLOSE
+        model, least, aim, left = self.model, math.inf, CLOSE, LEFT
         best = last = np.zeros(model.c.size)
         for p in points:
             last = p
             found = model.residual(p, model.F(p))
             if found < least:
                 least, best = found, p
-            if least <= TARGET or self.over():
+            left -= self.solved
+            if least <= TARGET or left == 0 or self.over():
                 break
             if found <= aim:
                 aim = AGAIN * found
