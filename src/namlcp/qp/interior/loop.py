@@ -178,7 +178,7 @@ def begin(m):
     m.since_halved, m.reference, m.last_refined = 0, INFINITY, INFINITY
     # no residual is stuck before there is one to compare it with
     m.old_primal = m.old_primal_norm = m.old_dual_norm = INFINITY
-    m.attained = 0.0
+    m.krylov_pays, m.attained = True, 0.0
     m.patience = WARM_PATIENCE if m.is_warm else PATIENCE
     m.rho, m.delta, m.wait = RHO, DELTA, 0
 

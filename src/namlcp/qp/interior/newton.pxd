@@ -1,6 +1,6 @@
 from namlcp.qp.interior.state cimport Interior
 
-cdef double ABOVE_ATTAINED, FORGET, SMALL_RHS
+cdef double ABOVE_ATTAINED, FORGET, SMALL_RHS, GMRES_ABOVE, BREAKDOWN
 cdef double RHO, DELTA, FLOOR, LOWEST, TOP, POOR, ACCURATE, ACCURATE_FULL
 cdef double NEGLIGIBLE_RESIDUAL, NEEDED, BEHIND
 cdef double THIN, MOST_LEFT, LENGTHENED, LEAST_PRODUCT, MOST_PRODUCT, SHORT, FULL, LONG, GAIN
@@ -8,6 +8,7 @@ cdef double NEGLIGIBLE, START_VALUE
 cdef enum:
     FACTORISATIONS = 3
     REFINEMENT_STEPS = 11
+    KRYLOV_STEPS = 8
     WAIT = 3
 
 cdef void multiply(Interior m, const double* x, const double* v, double* Px, double* Ctv, double* t) noexcept nogil
@@ -22,6 +23,8 @@ cdef bint factor(Interior m) noexcept nogil
 cdef double weighted_norm(const double* r, const double* weight, Py_ssize_t size) noexcept nogil
 cdef double set_remainder(Interior m, const double* b, const double* u, double* r) noexcept nogil
 cdef void solve(Interior m) noexcept nogil
+cdef void accept(Interior m, double error) noexcept nogil
+cdef void improve(Interior m) noexcept nogil
 cdef bint step(Interior m) noexcept nogil
 cdef bint predict(Interior m) noexcept nogil
 cdef void find_step(Interior m) noexcept nogil

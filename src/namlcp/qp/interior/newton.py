@@ -15,6 +15,11 @@ proximal terms rho, delta centred at the current point,
 Residuals are measured as max |r_i| / max(1, |K~_ii|): rows of inactive constraints have
 diagonals of 1e10 and more, and would outweigh all others.
 
+Factors of a nearly singular K~ have a few wrong directions, on which refinement does
+not converge and GMRES (Y. Saad and M. Schultz, SIAM J. Sci. Stat. Comput. 7, 1986)
+needs a few steps. The factors precondition it from the right, so that the residuals
+that it makes small are those above.
+
 rho and delta, on the diagonal of K~, belong to proximal terms around the current point:
 they shorten the steps but do not move the solution. They fall with mu to FLOOR. From
 there inaccurate solves raise them, and accurate solves lower the one that dominates its
@@ -23,8 +28,16 @@ factorisations of K~ begin to fail.
 """
 
 import cython
-from cython.cimports.libc.math import INFINITY, NAN
-from cython.cimports.namlcp.linalg.vectors import add_line, copy, fill, times_line
+from cython.cimports.libc.math import INFINITY, NAN, sqrt
+from cython.cimports.libc.stdlib import malloc
+from cython.cimports.namlcp.linalg.vectors import (
+    add_line,
+    add_scaled,
+    copy,
+    dot,
+    fill,
+    times_line,
+)
 
 # Least weight of a row, whose reciprocal is on the diagonal of K~.
 THIN = 1e-20
@@ -49,6 +62,11 @@ NEGLIGIBLE, START_VALUE = 1e-4, 0.1
 ABOVE_ATTAINED, FORGET = 2.0, 0.9
 # Residuals are relative to the norm of the right-hand side, or to this if larger.
 SMALL_RHS = 1e-8
+# Relative residual after refinement above which GMRES is tried, KRYLOV_STEPS of it.
+GMRES_ABOVE = 1e-6
+# A new product of this size, relative to what it was before others were taken out, is
+# rounding.
+BREAKDOWN = 1e-14
 # rho and delta at the start.
 RHO, DELTA = 1e-6, 1e-4
 # rho and delta fall with mu down to FLOOR; then accurate solves, or steps without
@@ -235,25 +253,78 @@ def solve(m):
     """
     copy(m.rhs, m.r, m.size)
     fill(m.step.du, 0.0, m.size)
-    rhs_norm = max(SMALL_RHS, weighted_norm(m.rhs, m.row_size, m.size))
+    m.rhs_norm = max(SMALL_RHS, weighted_norm(m.rhs, m.row_size, m.size))
     m.step.error = INFINITY
     for k in range(REFINEMENT_STEPS + 1):
         m.factors.solve_into(m.r, m.answer)
         for j in range(m.size):
             m.trial[j] = m.step.du[j] + m.answer[j]
-        error = set_remainder(m, m.rhs, m.trial, m.trial_r) / rhs_norm
+        error = set_remainder(m, m.rhs, m.trial, m.trial_r) / m.rhs_norm
         if k > 0 and not error < m.step.error:
             m.attained = min(m.step.error, m.tol)
             break
         gained: cython.bint = k == 0 or error <= 0.5 * m.step.error
-        m.step.error = error
-        m.step.du, m.trial = m.trial, m.step.du
-        m.r, m.trial_r = m.trial_r, m.r
+        accept(m, error)
         if error <= m.accuracy or not gained or k == REFINEMENT_STEPS:
             break
         if error <= ABOVE_ATTAINED * m.attained:
             m.attained *= FORGET
             break
+    if m.krylov_pays and not m.step.error <= GMRES_ABOVE:
+        improve(m)
+
+
+def accept(m, error):
+    """Take the trial point, whose residual is trial_r."""
+    m.step.error = error
+    m.step.du, m.trial = m.trial, m.step.du
+    m.r, m.trial_r = m.trial_r, m.r
+
+
+def improve(m):
+    """Reduce the residual r of du by GMRES, where it can be halved.
+
+    It has the form of generalised conjugate residuals (S.C. Eisenstat, H.C. Elman and
+    M.H. Schultz, SIAM J. Numer. Anal. 20, 1983): each step solves for what is left, and
+    the products of K~ with all corrections, over row_size, are made orthonormal.
+    """
+    size, weight, trial, r = m.size, m.row_size, m.trial, m.trial_r
+    if m.krylov == cython.NULL:
+        count = 2 * KRYLOV_STEPS * size
+        m.krylov = cython.cast(cython.p_double, malloc(8 * count))
+        if m.krylov == cython.NULL:
+            return
+    copy(m.step.du, trial, size)
+    copy(m.r, r, size)
+    for k in range(KRYLOV_STEPS):
+        correction = m.krylov + 2 * k * size
+        product = correction + size
+        m.factors.solve_into(r, correction)
+        fill(m.dt, 0.0, size)
+        set_remainder(m, m.dt, correction, product)
+        for j in range(size):
+            product[j] /= -weight[j]
+        first = sqrt(dot(product, product, size))
+        for _ in range(2):  # orthogonalised twice against rounding
+            for i in range(k):
+                earlier = m.krylov + 2 * i * size
+                part = dot(earlier + size, product, size)
+                add_scaled(-part, earlier, correction, 2 * size)
+        norm = sqrt(dot(product, product, size))
+        if not BREAKDOWN * first < norm < INFINITY:
+            break
+        part = 0.0
+        for j in range(size):
+            correction[j] /= norm
+            product[j] /= norm
+            part += product[j] * r[j] / weight[j]
+        add_scaled(part, correction, trial, size)
+        for j in range(size):
+            r[j] -= part * weight[j] * product[j]
+    error = set_remainder(m, m.rhs, trial, m.trial_r) / m.rhs_norm
+    m.krylov_pays = error <= 0.5 * m.step.error
+    if error < m.step.error:
+        accept(m, error)
 
 
 # ---- steps and their targets

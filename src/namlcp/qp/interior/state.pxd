@@ -34,8 +34,8 @@ cdef class Interior(Watched):
         double *dv, *dt, *Pdx, *Ctdv
         # Linear solves (`newton`): sums of omega, max(1, |K~_ii|), the right-hand side,
         # the residual and the solution of the last solve, another solution and its
-        # residual.
-        double *weight, *row_size, *rhs, *r, *answer, *trial, *trial_r
+        # residual; the vectors of GMRES, once it is needed.
+        double *weight, *row_size, *rhs, *r, *answer, *trial, *trial_r, *krylov
         # Relative residuals of the candidates for certificates, now and at the last test.
         double ratios[4]
         double tested[4]
@@ -68,6 +68,10 @@ cdef class Interior(Watched):
         # Regularisation, and iterations left without lowering it.
         readonly double rho, delta
         Py_ssize_t wait
+        # Of a linear solve: norm of the right-hand side; whether GMRES halved the residual
+        # when it was last tried.
+        double rhs_norm
+        bint krylov_pays
         # Worst ratio that must be halved, iterations since it was, some counted as
         # IDLE ones, and most of them; the primal residual one iteration before.
         double reference, old_primal

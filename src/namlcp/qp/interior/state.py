@@ -48,6 +48,7 @@ class Interior(Watched):
 
     def __dealloc__(self):
         free(self.memory)
+        free(self.krylov)
 
     @property
     def point(self):
