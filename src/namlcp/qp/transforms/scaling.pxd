@@ -8,7 +8,7 @@ cdef struct Matrix:
 
 cdef enum:
     ROUNDS = 10
-    SWEEPS = 4
+    SWEEPS = 12
 
 cdef double EQUAL, LEAST_FACTOR, MOST_FACTOR, LARGEST
 

@@ -28,7 +28,8 @@ from namlcp.qp.kkt import KKT
 EQUAL = 0.03
 # Range of the products of the factors of all rounds, against over- and underflow.
 LEAST_FACTOR, MOST_FACTOR = 1e-8, 1e8
-# SWEEPS: those of `even_out` over rows and columns; more save no iterations.
+# SWEEPS: those of `even_out` over rows and columns; with 4 of them, bnl2 of the Netlib
+# collection takes 338 iterations in place of 35.
 # Largest |log| of a factor of `even_out`.
 LARGEST = 20.0
 
