@@ -1,10 +1,10 @@
-"""Factors of friction problems beside dense algebra."""
+"""Kernels beside plain transcriptions: relaxation, cones."""
 
 import numpy as np
 import pytest
 from scipy import sparse
 
-from namlcp.lcp.shifted import system_of
+from namlcp.lcp.general.cones import system_of
 from validation.problems.general.families import FAMILIES
 
 
@@ -13,7 +13,7 @@ def rng():
     return np.random.default_rng(20261121)
 
 
-# ---- factors with friction
+# ---- factors with friction cones eliminated
 
 
 def friction(family, n=120, seed=0):
@@ -26,7 +26,7 @@ def friction(family, n=120, seed=0):
 
 @pytest.mark.parametrize("family", ["pile", "wall", "chain", "balls", "cubes"])
 @pytest.mark.parametrize("digits", [0, 3, 6])
-def test_solutions_with_friction_are_those_of_dense_algebra(family, digits):
+def test_solutions_with_cones_are_those_of_dense_algebra(family, digits):
     M, rng = friction(family, 60), np.random.default_rng(digits)
     n = M.shape[0]
     system = system_of(M)
@@ -39,6 +39,15 @@ def test_solutions_with_friction_are_those_of_dense_algebra(family, digits):
         close = 1e-15 * np.linalg.cond(K) * np.abs(x).max()
         assert np.allclose(factors.solve(r), x, rtol=0.0, atol=close)
         assert np.array_equal(factors.solve(r[:, 0]), factors.solve(r)[:, 0])
+
+
+@pytest.mark.parametrize("value", [0.0, np.inf, np.nan, 1e-320])
+@pytest.mark.parametrize("family", ["pile", "balls"])
+def test_a_path_that_has_diverged_has_no_factors(family, value):
+    M = friction(family)
+    D = np.ones(M.shape[0])
+    D[[-1, M.shape[0] // 2]] = value
+    assert system_of(M).factors(D) is None
 
 
 def changed(A, *entries):
@@ -67,3 +76,15 @@ def test_matrices_that_are_nearly_friction_are_solved_too():
         K = M.toarray() + np.diag(D)
         x = system_of(M).factors(D).solve(r)
         np.testing.assert_allclose(K @ x, r, atol=1e-9)
+
+
+@pytest.mark.parametrize("family", ["balls", "cubes"])
+@pytest.mark.parametrize("seed", range(6))
+def test_small_and_large_entries_of_the_diagonal_lose_no_digits(family, seed):
+    # sticking and sliding directions of one contact: d_j from 1e-10 to 1e10
+    M, rng = friction(family, 300), np.random.default_rng(seed)
+    D = 10.0 ** rng.choice([-10.0, 10.0], M.shape[0])
+    K = M + sparse.diags_array(D)
+    r = np.sqrt(D) * rng.standard_normal(D.size)
+    x = system_of(M).factors(D).solve(r)
+    assert np.abs(K @ x - r).max() <= 1e-14 * (abs(K) @ np.abs(x)).max()

@@ -15,6 +15,7 @@ import numpy as np
 
 from namlcp.checks import vector
 from namlcp.lcp.data import LCP, LCPPoint
+from namlcp.lcp.general.cones import system_of
 from namlcp.lcp.general.lemke import (
     LARGEST_ENUMERATION,
     solve_by_enumeration,
@@ -33,7 +34,6 @@ from namlcp.lcp.multigrid.hierarchy import hierarchy_of
 from namlcp.lcp.pivoting.driver import Attempt
 from namlcp.lcp.prepared import Operator, Prepared
 from namlcp.lcp.psor import solve_by_sweeps
-from namlcp.lcp.shifted import system_of
 from namlcp.lcp.tridiagonal import solve_tridiagonal
 from namlcp.limits import Deadline, Limits
 from namlcp.linalg.threads import blas_threads

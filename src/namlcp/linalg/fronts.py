@@ -12,7 +12,7 @@ triangles of two updates, of K and of K', both sides are computed alike:
 
 Pivots are taken from the diagonal in the order given. Every symmetric permutation of a
 quasi-definite matrix has an L D L' (R. Vanderbei, SIAM J. Optim. 5 (1995) 100-113); for
-other matrices this is justified by measurement alone (`lcp.shifted`).
+other matrices this is justified by measurement alone (`lcp.general.cones`).
 
 Updates are kept on two stacks that grow towards each other, one for supernodes of even
 depth, one for odd depth: so those of the children are at the end of the one while that

@@ -26,8 +26,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from namlcp.lcp.general.cones import System
 from namlcp.lcp.general.distances import Distances
-from namlcp.lcp.shifted import HELD, Shifted, System
+from namlcp.lcp.shifted import HELD, Shifted
 
 # Wrong p or F, relative to the largest p and to max |c_i| = 1, that counts as 0.
 ROUNDING = 1e-13

@@ -37,8 +37,9 @@ import numpy as np
 from scipy import sparse
 
 from namlcp.lcp.data import LCP
+from namlcp.lcp.general.cones import Condensed, System
 from namlcp.lcp.general.distances import Distances
-from namlcp.lcp.shifted import Shifted, System, WithFriction
+from namlcp.lcp.shifted import Shifted
 
 # Added to the unit diagonal, so that a singular matrix can be factored; steps at most.
 SHIFT, STEPS = 1e-11, 100
@@ -59,7 +60,7 @@ JAM, JAMS, STALL, FIRST_STALL, SETTLED = 0.05, 3, 8, 15, 1e-9
 # bound, exceeds FEASIBLE, the linear program counts as feasible. It is scaled by
 # EQUILIBRATIONS rounds of dividing rows and columns by roots of their absolute sums.
 CLEAR, CLEARER, ENOUGH, FEASIBLE, EQUILIBRATIONS = 1e-3, 0.01, 1e-10, 1e-6, 3
-# Of `arc`: what is added to the unit diagonal; steps at most; more with friction,
+# Of `arc`: what is added to the unit diagonal; steps at most; more with friction cones,
 # where the curve leads to a solution, but may wind: with 4000 unknowns it has been seen
 # to turn 100 times, with 2000 to take 2100 steps.
 ARC_SHIFT, ARC_STEPS, PROMISED_STEPS = 1e-12, 400, 5000
@@ -286,7 +287,7 @@ def arc(model: Distances, system: System) -> Iterator[np.ndarray]:
     curve = model, model.total(m) - F, gaps * m
     at, t, h = PathPoint(p, gaps, m), 1.0, FIRST_STEP
     stack: list[Directions] = []
-    for _ in range(PROMISED_STEPS if isinstance(system, WithFriction) else ARC_STEPS):
+    for _ in range(PROMISED_STEPS if isinstance(system, Condensed) else ARC_STEPS):
         yield at.p
         if t > LARGE_T or np.abs(at.p).max(initial=0.0) > FAR_AWAY:
             return

@@ -12,11 +12,12 @@ import numpy as np
 from scipy import sparse
 
 from namlcp.lcp.data import LCP, Criterion, is_solved_by_zero
+from namlcp.lcp.general.cones import System, system_of
 from namlcp.lcp.general.distances import Distances, Plain
 from namlcp.lcp.general.exact import finish, proximal_steps
 from namlcp.lcp.general.paths import mehrotra
 from namlcp.lcp.pivoting.rays import proof
-from namlcp.lcp.shifted import Shifted, System, system_of
+from namlcp.lcp.shifted import Shifted
 from namlcp.limits import Limits
 from namlcp.status import Outcome, Status
 
