@@ -5,6 +5,11 @@ cdef double INFINITE
 cpdef enum:
     MOST_SMALL = 100
 
+# Stages of `relax_coloured`, and rows that the first one passes at a time.
+cdef enum:
+    STAGES = 4
+    BLOCK = 256
+
 cpdef bint is_ordinary(object q, object lower, object upper) except -1
 cdef bint are_ordinary(const double* q, const double* lower, const double* upper, Py_ssize_t n) noexcept nogil
 cpdef object affine(object A, object z, object q)
@@ -12,4 +17,5 @@ cdef void affine_at(const double* A, const double* z, const double* q, double* w
 cpdef void row_sums(const int[::1] indptr, const int[::1] indices, const double[::1] data, const double[::1] x, double roundoff, double least, double[::1] own, double[::1] others, double[::1] margin) noexcept
 cpdef double relax(object indptr, object indices, object data, object q, object lower, object upper, double alpha, object z, Py_ssize_t way) except? -1
 cpdef bint two_colours(const int[::1] indptr, const int[::1] indices, unsigned char[::1] second) noexcept
-cpdef double relax_coloured(object indptr, object indices, object data, object q, object lower, object upper, double alpha, object z, const unsigned char[::1] second) except? -1
+cpdef tuple relax_coloured(object indptr, object indices, object data, object q, object lower, object upper, double alpha, object z, const unsigned char[::1] second)
+cdef double relax_row(Py_ssize_t i, const int* row, const int* column, const double* entry, const double* c, const double* l, const double* u, double alpha, double* x) noexcept nogil

@@ -134,34 +134,42 @@ def two_colours(indptr, indices, second):
 
 
 def relax_coloured(indptr, indices, data, q, lower, upper, alpha, z, second):
-    """Do what `relax` does, but with the rows of the second colour last.
+    """Make two sweeps, each with the rows of the second colour last.
 
-    Each is relaxed as soon as all rows that it is coupled to have been passed, while
-    they are still in the cache.
+    Returns for both what `relax` returns. Their four stages go through the matrix at
+    once, so that it is read from memory once: a stage relaxes a row as soon as the one
+    before has passed all rows that this row is coupled to.
     """
     n: cython.Py_ssize_t = z.size
     row, column = places(indptr, n + 1), places(indices, data.size)
     entry, x = numbers(data, data.size), numbers(z, n)
     c, l, u = numbers(q, n), numbers(lower, n), numbers(upper, n)
-    total = 0.0
-    late: cython.Py_ssize_t = 0  # the next row that may have the second colour
+    passed = cython.declare(cython.Py_ssize_t[STAGES])
+    total = cython.declare(cython.double[STAGES])
+    for s in range(STAGES):
+        passed[s], total[s] = 0, 0.0
     with cython.nogil:
-        for passed in range(n):
-            i: cython.Py_ssize_t = passed
-            is_due: cython.bint = not second[i]
-            while True:
-                if is_due:
-                    r, a = c[i], 1.0
-                    for k in range(row[i], row[i + 1]):
-                        r += entry[k] * x[column[k]]
-                        if column[k] == i:
-                            a = entry[k]
-                    xi = x[i]
-                    x[i] = clip(xi - r * (alpha / a), l[i], u[i])
-                    total += a * (x[i] - xi) * (x[i] - xi)
-                if late > passed or column[row[late + 1] - 1] > passed:
-                    break
-                i = late
-                is_due = second[i]
-                late += 1
-    return sqrt(total)
+        while passed[STAGES - 1] < n:
+            for s in range(STAGES):
+                i = passed[s]
+                before = passed[s - 1] if s > 0 else min(i + BLOCK, n)
+                while i < n:
+                    last = column[row[i + 1] - 1] if s > 0 else i
+                    if last >= before and before < n:
+                        break
+                    if second[i] == s % 2:
+                        total[s] += relax_row(i, row, column, entry, c, l, u, alpha, x)
+                    i += 1
+                passed[s] = i
+    return sqrt(total[0] + total[1]), sqrt(total[2] + total[3])
+
+
+def relax_row(i, row, column, entry, c, l, u, alpha, x):
+    """Relax row i; return a_ii times the square of the change of x_i."""
+    r, a, xi = c[i], 1.0, x[i]
+    for k in range(row[i], row[i + 1]):
+        r += entry[k] * x[column[k]]
+        if column[k] == i:
+            a = entry[k]
+    x[i] = clip(xi - r * (alpha / a), l[i], u[i])
+    return a * (x[i] - xi) * (x[i] - xi)

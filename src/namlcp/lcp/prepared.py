@@ -8,7 +8,7 @@ from scipy import sparse
 from scipy.sparse.linalg import LinearOperator
 
 from namlcp.checks import finite_square_matrix, number_or_vector, refuse_number
-from namlcp.lcp.loops import two_colours
+from namlcp.lcp.loops import row_sums, two_colours
 from namlcp.lcp.tridiagonal import read_rows
 from namlcp.linalg.arrays import stamp_of_arrays
 from namlcp.linalg.columns import Columns, columns_of
@@ -153,11 +153,11 @@ class Prepared:
 
         It bounds rho(|I - D^-1 A|): below 1, A is an H+ matrix.
         """
-        A, root = self.A, self.root
         if not np.all(self.diagonal > 0.0):
             return np.inf
-        sizes = sparse.csr_array((np.abs(A.data), A.indices, A.indptr), shape=A.shape)
-        return float(np.max(sizes @ (1.0 / root) / root, initial=1.0)) - 1.0
+        own, others, _ = sums = np.empty((3, self.n))
+        row_sums(*arrays_of(self.A), 1.0 / self.root, 0.0, 0.0, *sums)
+        return float(np.max(others / own, initial=0.0))
 
     @cached_property
     def second_colour(self) -> np.ndarray | None:

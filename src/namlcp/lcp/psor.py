@@ -76,12 +76,13 @@ def relax_until(
     _, q, lower, upper = lcp
     parts = *arrays_of(lcp.A), q, lower, upper, alpha, z
     second = lcp.matrix.second_colour if alpha > 1.0 else None
-    checked, checked_at, slow = 0.0, 1, 0
-    for k in range(1, MOST_SWEEPS + 1):
+    step = 1 if second is None else 2
+    checked, checked_at, slow = 0.0, step, 0
+    for k in range(step, MOST_SWEEPS + 1, step):
         if second is None:
             moved = relax(*parts, 1)
         else:
-            moved = relax_coloured(*parts, second)
+            before, moved = relax_coloured(*parts, second)
         guess = moved * min(1.0, moved / before) if k > 1 else moved
         if guess < goal or moved == 0.0:
             w = lcp.w(z)
@@ -90,7 +91,7 @@ def relax_until(
             if moved == 0.0:
                 return Status.STALLED, k, w
             goal *= 0.1
-        if k == 1:
+        if k == step:
             checked = moved
         elif k % RATE_SWEEPS == 0:
             rate, left = (moved / checked) ** (1.0 / (k - checked_at)), 0.0
@@ -105,4 +106,4 @@ def relax_until(
         if criterion.limits.deadline.reached():
             return Status.TIME_LIMIT, k, lcp.w(z)
         before = moved
-    return Status.MAX_ITER, MOST_SWEEPS, lcp.w(z)
+    return Status.MAX_ITER, k, lcp.w(z)
