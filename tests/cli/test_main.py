@@ -135,9 +135,11 @@ def claiming(shape, content=b"") -> bytes:
 
 
 def hostile_npz(folder):
-    """Yield .npz files that must be refused, each with words of the refusal."""
+    """Yield files that must be refused, each with words of the refusal."""
     (folder / "text.npz").write_text("not an archive")
     yield "text.npz", "not a zip file"
+    (folder / "other.mat").write_bytes(b"")
+    yield "other.mat", "must end with"
     np.savez(folder / "other.npz", a=np.ones(3))
     yield "other.npz", "holds no P"
     (folder / "array.npz").write_bytes(npy(np.eye(2)))

@@ -34,8 +34,10 @@ WITHOUT_VALUE = {"FR": (-np.inf, np.inf), "MI": (-np.inf, None), "PL": (None, np
 
 def read_problem(path: str) -> Any:
     """Read a qpsolvers.Problem, or A, q and the bounds of an LCP."""
-    if not path.lower().removesuffix(".gz").endswith((".mps", ".qps")):
+    if path.lower().endswith(".npz"):
         return npz_problem(path)
+    if not path.lower().removesuffix(".gz").endswith((".mps", ".qps")):
+        raise ValueError("its name must end with .npz, .mps, .qps, .mps.gz or .qps.gz")
     opened: Any = gzip.open if path.lower().endswith(".gz") else open
     with opened(path, "rb") as stream:
         text = stream.read(MOST_BYTES + 1)
