@@ -25,8 +25,7 @@ INFINITY = 9e19  # 1e20 in the collection, in places rounded to slightly less
 
 def set_names(data: Path, problem_set: str) -> list[str]:
     if problem_set in ("mpc", "contact"):
-        files = cli.require(data / problem_set).glob("*.npz")
-        names = sorted(file.stem for file in files)
+        names = sorted(f.stem for f in cli.require(data / problem_set).glob("*.npz"))
     else:
         names = sorted(maros_index(data, problem_set))
     if not names:
