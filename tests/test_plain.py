@@ -70,7 +70,7 @@ def test_the_text_gives_the_answers_of_the_machine_code(seed):
     plain.module("namlcp.qp.active.engine").make_room(m)
     code = m.decide()
     settings = Settings(1e-9, 1e-10, 1000, INF)
-    found = solve_small(ResultBase, settings, perf_counter(), False, *qp)
+    found = solve_small(ResultBase, settings, perf_counter(), False, qp)
     is_decided = isinstance(found, ResultBase)
     assert is_decided == (code in OUTCOMES)
     if not is_decided:

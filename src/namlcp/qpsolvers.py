@@ -83,8 +83,9 @@ def nam_solve_problem(
             kind, first = qpsolvers.Solution, warm_start
         is_one = initvals is None or warm_start is None
         if options.is_plain and is_one and (first is None or type(first) is kind):
-            how = QPResult, options.settings, start, False
-            tried = solve_small(*how, *arguments, first)
+            tried = solve_small(
+                QPResult, options.settings, start, False, arguments, first
+            )
             if type(tried) is QPResult:
                 return solution(problem, tried)
         result = solve_arguments(

@@ -127,8 +127,9 @@ def solve_qp(
     kind, first = (np.ndarray, x0) if warm_start is None else (QPResult, warm_start)
     is_known = type(first) is kind and (x0 is None or warm_start is None)
     if options.is_plain and not history and (is_cold or is_known):
-        data = arguments if is_cold else (*arguments, first)
-        tried = solve_small(QPResult, options.settings, start, derivative, *data)
+        tried = solve_small(
+            QPResult, options.settings, start, derivative, arguments, first
+        )
         if type(tried) is QPResult:
             return tried
     return solve_arguments(
@@ -158,7 +159,7 @@ def solve_arguments(
         guess = make_guess(qp, x0, warm_start, name)
         if options.is_plain and not history and tried is None:
             how = QPResult, options.settings, start, derivative
-            tried = solve_small(*how, *arguments, guess)
+            tried = solve_small(*how, arguments, guess)
             if type(tried) is QPResult:
                 return tried
     if tried is not None and tried.code not in RETRIED:

@@ -162,20 +162,18 @@ def height_of(C, d, n):
     return rows if is_pair else -1
 
 
-def solve_small(
-    kind, settings: Settings, start, keeps, P, q, G, h, A, b, lb, ub, first=None
-):
+def solve_small(kind, settings: Settings, start, keeps, given: tuple, first=None):
     """Solve a small QP whose arguments are clean; None where they are not.
 
-    P, G and A are dense, or in CSC and tiny, zeros included. Returns its result, of a
-    class derived from `ResultBase`, or the `DenseActiveSet` that has tried in vain.
-    keeps: let the result have the factors. first: a `Guess`, a solution or an x to
-    begin with.
+    given: P, q, G, h, A, b, lb, ub as they came. P, G and A are dense, or in CSC and
+    tiny, zeros included. Returns its result, of a class derived from `ResultBase`, or
+    the `DenseActiveSet` that has tried in vain. keeps: let the result have the factors.
+    first: a `Guess`, a solution or an x to begin with.
     """
+    P, q, G, h, A, b, lb, ub = given
     if not fits(q, 1):
         return None
-    n = cnp.PyArray_DIM(q, 0)
-    given, is_sparse = (P, q, G, h, A, b, lb, ub), not cnp.PyArray_CheckExact(P)
+    n, is_sparse = cnp.PyArray_DIM(q, 0), not cnp.PyArray_CheckExact(P)
     if is_sparse:
         P, G, A = tiny_form(P, n), tiny_form(G, n), tiny_form(A, n)
     elif n <= MOST_ORDER:
