@@ -78,14 +78,9 @@ def nam_solve_problem(
     arguments = problem.unpack()
     try:
         tried = None
-        kind, first = np.ndarray, initvals
-        if warm_start is not None:
-            kind, first = qpsolvers.Solution, warm_start
-        is_one = initvals is None or warm_start is None
-        if options.is_plain and is_one and (first is None or type(first) is kind):
-            tried = solve_small(
-                QPResult, options.settings, start, False, arguments, first
-            )
+        if options.is_plain:
+            how = QPResult, options.settings, start, False
+            tried = solve_small(*how, arguments, initvals, warm_start)
             if type(tried) is QPResult:
                 return solution(problem, tried)
         result = solve_arguments(

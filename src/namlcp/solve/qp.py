@@ -3,8 +3,6 @@
 from time import perf_counter
 from typing import Any
 
-import numpy as np
-
 from namlcp.options import DEFAULT_OPTIONS, Options, check_count, check_flag
 from namlcp.progress import QP_COLUMNS, Progress
 from namlcp.qp import (
@@ -123,13 +121,9 @@ def solve_qp(
     if derivative is not False:
         check_flag("derivative", derivative)
     arguments, tried = (P, q, G, h, A, b, lb, ub), None
-    is_cold = x0 is None and warm_start is None
-    kind, first = (np.ndarray, x0) if warm_start is None else (QPResult, warm_start)
-    is_known = type(first) is kind and (x0 is None or warm_start is None)
-    if options.is_plain and not history and (is_cold or is_known):
-        tried = solve_small(
-            QPResult, options.settings, start, derivative, arguments, first
-        )
+    if options.is_plain and not history:
+        how = QPResult, options.settings, start, derivative
+        tried = solve_small(*how, arguments, x0, warm_start)
         if type(tried) is QPResult:
             return tried
     return solve_arguments(
@@ -150,18 +144,12 @@ def solve_arguments(
 ) -> QPResult:
     """Solve the QP of arguments of any kind; `name` stands for x0 in messages.
 
-    `tried`: what `solve_small` returned if it failed, None if it was not called, as
-    where a guess has to be made first.
+    `tried`: what `solve_small` returned if it failed, None if it was not called.
     """
     P, _, G, _, A, *_ = arguments
     qp, given, guess, memory = qp_data(*arguments), (P, G, A), NO_GUESS, None
     if not (x0 is None and warm_start is None):
         guess = make_guess(qp, x0, warm_start, name)
-        if options.is_plain and not history and tried is None:
-            how = QPResult, options.settings, start, derivative
-            tried = solve_small(*how, arguments, guess)
-            if type(tried) is QPResult:
-                return tried
     if tried is not None and tried.code not in RETRIED:
         memory = Memory()
         memory.dense_failed = True

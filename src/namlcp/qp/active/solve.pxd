@@ -28,8 +28,8 @@ cdef bint is_certain(DenseActiveSet m) noexcept nogil
 cdef double norm(const double* v, Py_ssize_t n) noexcept nogil
 cdef unsigned long long stamp_of(DenseActiveSet m, tuple matrices)
 cdef void suggest_signs(ActiveSet m, const double* z, const double* z_box) noexcept
-cdef void suggest_point(DenseActiveSet m, const double* x) noexcept
+cdef bint suggest_point(DenseActiveSet m, object x0)
 cdef bint is_met(double side, double value) noexcept
-cdef bint suggest_solution(ActiveSet m, object last)
+cdef bint suggest_solution(DenseActiveSet m, object point)
 cdef bint is_vector(object value, Py_ssize_t size)
 cdef bint put(object value, double* place, Py_ssize_t size, double sign)

@@ -162,13 +162,15 @@ def height_of(C, d, n):
     return rows if is_pair else -1
 
 
-def solve_small(kind, settings: Settings, start, keeps, given: tuple, first=None):
+def solve_small(
+    kind, settings: Settings, start, keeps, given: tuple, x0=None, warm_start=None
+):
     """Solve a small QP whose arguments are clean; None where they are not.
 
     given: P, q, G, h, A, b, lb, ub as they came. P, G and A are dense, or in CSC and
     tiny, zeros included. Returns its result, of a class derived from `ResultBase`, or
     the `DenseActiveSet` that has tried in vain. keeps: let the result have the factors.
-    first: a `Guess`, a solution or an x to begin with.
+    x0, warm_start: as of `make_guess`.
     """
     P, q, G, h, A, b, lb, ub = given
     if not fits(q, 1):
@@ -201,13 +203,10 @@ def solve_small(kind, settings: Settings, start, keeps, given: tuple, first=None
     m.lb = bound_at(lb, m.no_bound, n, -INFINITY)
     m.ub = bound_at(ub, m.no_bound + n, n, INFINITY)
     take_settings(m, settings, start + settings.time_limit)
-    if cnp.PyArray_CheckExact(first):
-        if not (is_vector(first, n) and is_finite(first)):
+    if warm_start is not None:
+        if not suggest_solution(m, warm_start):
             return None
-        suggest_point(m, data_of(first))
-    elif isinstance(first, problem.Guess):
-        suggest(m, first)
-    elif first is not None and not suggest_solution(m, first):
+    elif x0 is not None and not suggest_point(m, x0):
         return None
     ready: cython.double = clock()
     run(m)
@@ -417,30 +416,41 @@ def suggest_signs(m, z, z_box):
             m.hints += 1
 
 
-def suggest_point(m, x):
-    """Begin with the rows that hold with equality at x, as `make_guess` has it."""
+def suggest_point(m, x0):
+    """Begin with the rows that hold with equality at x0; False if it is no point."""
     n, rows, signs = m.n, m.m, m.s
+    if not (is_vector(x0, n) and is_finite(x0)):
+        return False
+    x = data_of(x0)
     for i in range(rows):
         signs[i] = is_met(m.h[i], dot(m.G + i * n, x, n))
     for j in range(n):
         signs[rows + j] = -1.0 if is_met(m.lb[j], x[j]) else is_met(m.ub[j], x[j])
     suggest_signs(m, signs, signs + rows)
+    return True
 
 
 def is_met(side, value):
+    """Tell whether a finite side is reached, as `make_guess` has it."""
     return fabs(side) < INFINITY and fabs(side - value) <= ACTIVE * (1.0 + fabs(side))
 
 
-def suggest_solution(m, last):
-    """Begin with the rows that have multipliers in a solution; False if it is none."""
-    x, y, z, z_box = last.x, last.y, last.z, last.z_box
+def suggest_solution(m, point):
+    """Begin with the rows that have multipliers in a solution; False if it is none.
+
+    With none where the solution has no point, or a certificate.
+    """
+    x, y = getattr(point, "x", m), getattr(point, "y", m)
+    z, z_box = getattr(point, "z", m), getattr(point, "z_box", m)
+    if x is None or y is None or z is None or z_box is None:
+        return True
     if is_vector(z_box, 0):  # without bounds
         z_box = np.zeros(m.n)
     if not (is_vector(x, m.n) and is_vector(y, m.p)):
         return False
     if not (is_vector(z, m.m) and is_vector(z_box, m.n)):
         return False
-    if is_finite(x):  # else it is a certificate
+    if is_finite(x) and is_finite(y) and is_finite(z) and is_finite(z_box):
         suggest_signs(m, data_of(z), data_of(z_box))
     return True
 
