@@ -26,7 +26,7 @@ import numpy as np
 from namlcp.lcp.data import LCP, Criterion
 from namlcp.lcp.loops import relax
 from namlcp.lcp.multigrid.hierarchy import Hierarchy, VCycle, hierarchy_of
-from namlcp.lcp.multigrid.kernels import affine
+from namlcp.lcp.multigrid.kernels import free_product
 from namlcp.limits import Deadline, Limits
 from namlcp.linalg.columns import LEAST_DIVISOR
 from namlcp.linalg.csc import arrays_of
@@ -65,24 +65,27 @@ class LevelLCP:
     def __init__(self, cycle: VCycle, k: int, q: np.ndarray, *box: np.ndarray):
         """Begin at clip(0); box: lower and upper."""
         self.cycle, self.k, self.q, self.box = cycle, k, q, box
-        self.A = cycle.levels[k].A
+        self.A, self.d = cycle.levels[k].A, cycle.levels[k].d
+        self.w, self.r = np.empty((2, q.size))
         self.go_to(np.zeros(q.size))
 
     def go_to(self, z: np.ndarray) -> None:
         """Begin anew from clip(z), z being overwritten."""
         self.z = np.clip(z, *self.box, out=z)
         self.settled, self.full_steps, self.begun = False, True, False
-        self.update(affine(self.A, z, self.q))
+        self.evaluate()
 
-    def update(self, w: np.ndarray) -> None:
-        self.w, self.residual = w, natural_residual(self.z, w, *self.box)
+    def evaluate(self) -> None:
+        free_product(self.A, self.d, self.z, self.w)
+        self.w += self.q
+        self.residual = natural_residual(self.z, self.w, *self.box)
 
     def smooth(self) -> None:
         problem = *arrays_of(self.A), self.q, *self.box
         for _ in range(SWEEPS):
             relax(*problem, 1.0, self.z, 1)
             relax(*problem, 1.0, self.z, -1)
-        self.update(affine(self.A, self.z, self.q))
+        self.evaluate()
 
     def correct(self, goal: float) -> None:
         """Solve on the face, no more accurately than Res <= goal needs, and move."""
@@ -91,26 +94,33 @@ class LevelLCP:
         free = (lower < z) & (z < upper)
         changed = not np.array_equal(free, dinv != 0.0)
         if changed or not self.begun:
-            np.divide(free, self.cycle.levels[self.k].d, out=dinv)
+            np.divide(free, self.d, out=dinv)
             self.cycle.follow_face(self.k)
         self.settled = self.begun and not changed
         self.begun = True
         floor = FACE_GOAL * goal
-        r, steps = np.where(free, -w, 0.0), SETTLED_FACE_STEPS
+        r, steps = np.multiply(w, -1.0, out=self.r), SETTLED_FACE_STEPS
+        r[~free] = 0.0
         if not self.settled:
             floor = max(NEW_FACE_REDUCTION * float(np.linalg.norm(r)), floor)
             steps = NEW_FACE_STEPS
         x = self.cycle.krylov(self.k, r, floor, steps)
-        x = np.clip(z + x, lower, upper) - z
-        Ax = affine(self.A, x, np.zeros(x.size))
-        slope, curvature = float(w @ x), float(x @ Ax)
+        x += z
+        np.clip(x, lower, upper, out=x)
+        x -= z
+        free_product(self.A, self.d, x, r)
+        slope, curvature = float(w @ x), float(x @ r)
         step = 1.0
         if self.cycle.symmetric and -slope < curvature:
             step = max(0.0, -slope / curvature)
         if self.full_steps and step < SHORT_STEP:
             step = 1.0
-        np.clip(z + step * x, lower, upper, out=z)
-        self.update(w + step * Ax)
+        x *= step
+        z += x
+        np.clip(z, lower, upper, out=z)
+        r *= step
+        w += r
+        self.residual = natural_residual(z, w, lower, upper)
 
     def nest(self, deadline: Deadline) -> None:
         """Begin anew from clip(P z), z from the level below; on the last from clip(0).
@@ -167,6 +177,7 @@ class MultigridSolver:
         self.cycle, self.scale = VCycle(hierarchy.levels, hierarchy.symmetric), S
         self.top = LevelLCP(self.cycle, 0, S * lcp.q, lcp.lower / S, lcp.upper / S)
         self.best, self.least, self.done = lcp.start(), math.inf, 0
+        self.z, self.w = np.empty((2, lcp.q.size))
 
     def is_solved(self) -> bool:
         """Look at the iterate, keep the best; tell whether the criterion accepts it.
@@ -174,12 +185,14 @@ class MultigridSolver:
         That costs a product with A, and is asked where the w of the cycle meets it.
         """
         lcp, top, criterion = self.lcp, self.top, self.criterion
-        self.z = z = np.clip(self.scale * top.z, lcp.lower, lcp.upper)
-        self.plain, self.residual = criterion.residuals(z, top.w / self.scale)
+        z = np.multiply(self.scale, top.z, out=self.z)
+        np.clip(z, lcp.lower, lcp.upper, out=z)
+        np.divide(top.w, self.scale, out=self.w)
+        self.plain, self.residual = criterion.residuals(z, self.w)
         near = criterion.met(self.plain, self.residual)
         solved = near and criterion.accepts(z, lcp.w(z))
         if solved or self.residual < self.least:
-            self.best, self.least = z, self.residual
+            self.best[:], self.least = z, self.residual
         return solved
 
     def run(self, z0: np.ndarray | None, limits: Limits) -> Status:

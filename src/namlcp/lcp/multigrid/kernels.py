@@ -12,7 +12,6 @@ Matrices are in CSR; `diagonal` holds the positions of their a_ii.
 """
 
 import cython
-import numpy as np
 from cython.cimports.libc.math import fabs
 from cython.cimports.namlcp.linalg.csc import Columns, take_columns
 
@@ -27,18 +26,25 @@ def rows_of(M, n):
     return rows
 
 
-def affine(matrix, z, q):
-    """Return A z + q, in less than half of the time of SciPy's product."""
-    n = q.shape[0]
-    A, w = rows_of(matrix, n), np.empty(n)
-    out: cython.double[::1] = w
+def take_diagonal(indptr, indices, data, d, diagonal):
+    """Write the stored a_ii and their positions."""
+    for i in range(d.shape[0]):
+        for k in range(indptr[i], indptr[i + 1]):
+            if indices[k] == i:
+                d[i], diagonal[i] = data[k], k
+
+
+def free_product(matrix, dinv, x, y):
+    """Write y = T A x, for T = I in less than half of the time of SciPy's product."""
+    n = dinv.shape[0]
+    A = rows_of(matrix, n)
     with cython.nogil:
         for i in range(n):
-            r = q[i]
-            for k in range(A.indptr[i], A.indptr[i + 1]):
-                r += A.data[k] * z[A.indices[k]]
-            out[i] = r
-    return w
+            r = 0.0
+            if dinv[i] != 0.0:
+                for k in range(A.indptr[i], A.indptr[i + 1]):
+                    r += A.data[k] * x[A.indices[k]]
+            y[i] = r
 
 
 def descend(matrix, diagonal, interpolation, dinv, b, x, coarse):
