@@ -21,11 +21,11 @@ import numpy as np
 from cython.cimports.libc.math import INFINITY
 from cython.cimports.namlcp.linalg.sparse_ldl import as_array
 from cython.cimports.namlcp.linalg.vectors import copy, fill
-from cython.cimports.namlcp.qp.interior.active_set import refine
-from cython.cimports.namlcp.qp.interior.certificates import (
+from cython.cimports.namlcp.qp.interior.candidates import (
     PROMISING,
     find_proof,
     promises,
+    refine,
 )
 from cython.cimports.namlcp.qp.interior.newton import (
     DELTA,
@@ -38,6 +38,10 @@ from cython.cimports.namlcp.qp.interior.newton import (
 from cython.cimports.namlcp.qp.interior.state import EXACT, attach, offer
 from cython.cimports.namlcp.watch import is_over, look_at_clock, raise_kept
 
+from namlcp.checks import as_sparse
+from namlcp.limits import PASS
+from namlcp.qp.certificates import alone
+from namlcp.qp.transforms import ScaledQP, presolve
 from namlcp.status import Status
 
 # MOST_RESTARTS: most of them after cold starts. LIFT: the least target of W'Z, relative
@@ -72,6 +76,59 @@ STUCK = 0.99
 FAR = 10.0
 # Passes over the entries of L in one iteration, about.
 PASSES = 20.0
+FORM = "path"
+
+
+def solve_interior(qp, chain, guess, judge, memory):
+    """Solve a QP; ValueError if P is not positive semidefinite.
+
+    If the active set of the guess is the right one, no iteration is needed. `memory`
+    holds the factors of a problem solved before, and takes those of this one.
+    """
+    limits, deadline = judge.limits, judge.limits.deadline
+    for name in ("P", "G", "A") if qp.is_dense else ():
+        M = getattr(qp, name)
+        deadline.check(PASS * M.size)
+        qp = qp._replace(**{name: as_sparse(M)})
+    entries = qp.P.data.size + qp.G.data.size + qp.A.data.size
+    deadline.check()
+    memory.ensure_convex(qp.P, deadline)
+    found = alone(judge.qp, *limits.tolerances)
+    if found is not None:
+        message, proof = found
+        judge.keep(Status.PRIMAL_INFEASIBLE, proof)
+        return judge.answer(Status.PRIMAL_INFEASIBLE, 0, FORM, message)
+    if judge.is_solved:  # by an engine that could not tell whether P is convex
+        return judge.answer(Status.SOLVED, 0, FORM)
+    deadline.check(PASS * entries)
+    small = presolve(qp, *limits.tolerances, memory.presolved)
+    memory.presolved = small
+    if small.contradictions or not small.q.size:
+        answer = answer_of_presolve(small, chain, judge)
+        if answer is not None:
+            return answer
+    deadline.check(2.0 * PASS * entries)
+    problem = memory.scaled = ScaledQP(small, memory.scaled)
+    deadline.check()
+    m = Interior(problem, chain.then(small, problem), judge, limits)
+    if guess.x.size and try_guess(m, guess):
+        return judge.answer(Status.SOLVED, 0, FORM)
+    return judge.answer(run(m, guess), m.iterations, FORM)
+
+
+def answer_of_presolve(small, chain, judge):
+    """Return the answer where constraints contradict each other or no x is left."""
+    sizes = small.q.size, small.b.size, small.sides.shape, small.q.size
+    near = chain.then(small).point(*map(np.zeros, sizes))
+    for message, y, z in small.contradictions:
+        none = np.zeros(small.qp.q.size)
+        proof = chain.point(none, y, z, none, data=0.0)
+        if judge.accept_multipliers(near.x, proof.y, proof.z):
+            return judge.answer(Status.PRIMAL_INFEASIBLE, 0, FORM, message)
+    if small.q.size:
+        return None
+    judge.offer(near)
+    return judge.answer(Status.STALLED, 0, FORM)
 
 
 def run(m: Interior, guess):
