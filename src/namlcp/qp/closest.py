@@ -31,7 +31,7 @@ The multipliers of stage 2 plus k times those of stage 1 are stationary for the 
 QP for any k; k is the least one that gives all of them their sign.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -123,10 +123,9 @@ class Rows(NamedTuple):
 
         0 where w is infinite: v is not computed that way.
         """
-        C, w, d = abs(self.C), self.weights, self.d
-        known = np.isfinite(w) & np.isfinite(d)
-        terms = times(C, np.abs(x)) + np.abs(np.where(known, d, 0.0))
-        errors = np.where(known, ROUNDING * np.where(known, w, 0.0) * terms, 0.0)
+        C, known = abs(self.C), np.isfinite(self.weights) & np.isfinite(self.d)
+        w, d = np.where(known, (self.weights, self.d), 0.0)
+        errors = ROUNDING * w * (times(C, np.abs(x)) + np.abs(d))
         sums = np.zeros(x.size)
         add_transposed(C, errors, sums)
         return errors, sums
@@ -379,22 +378,16 @@ def face_of(rows: Rows, x: np.ndarray, v: np.ndarray, v_box: np.ndarray) -> Face
 
 
 class Nearest(NamedTuple):
-    """What the search for the nearest feasible problem found, named as `ClosestPoint`.
+    """What the search for the nearest feasible problem found, see `ClosestPoint`.
 
-    stages, with SOLVED: the face of all x with these shifts, the QP of stage 2 and its
-    solution.
+    shifts: of h, b, lb and ub. stages, with SOLVED: the face of all x with these
+    shifts, the QP of stage 2 and its solution.
     """
 
     status: Status
-    x: np.ndarray
-    y: np.ndarray
-    z: np.ndarray
-    z_box: np.ndarray
+    point: Point
     residuals: Residuals
-    shift_h: np.ndarray
-    shift_b: np.ndarray
-    shift_lb: np.ndarray
-    shift_ub: np.ndarray
+    shifts: tuple[np.ndarray, ...]
     norm: int
     message: str
     stages: tuple[Face, QP, Point] | None = None
@@ -424,7 +417,7 @@ def nearest(
             r, message = np.full(rows.d.size, np.nan), NO_NEAREST + message
         else:
             r, message = rows.violations(x), NOT_LEAST.format(status.value) + message
-        return reported(qp, rows, x, r, status, message)
+        return reported(qp, rows, without_multipliers(qp, x), r, status, message)
     found = least_cost(qp, face, limits, exactly)
     finer = partial(solve_exactly, limits=limits._replace(**FINEST), solve=solve)
     tries = (lambda: face.refined(exactly)), (lambda: stage_one(rows, finer)[-1])
@@ -432,10 +425,11 @@ def nearest(
         sharper = sharpened()
         if sharper is not None:
             other = least_cost(qp, sharper, limits, exactly)
+            if other.status is Status.DUAL_INFEASIBLE:
+                return other
             # rows let go wrongly would leave a solution with larger shifts
             most = LARGER * rows.cost(face.x) + limits.eps_abs
-            is_least = other.status is Status.SOLVED and rows.cost(other.x) <= most
-            if is_least or other.status is Status.DUAL_INFEASIBLE:
+            if other.status is Status.SOLVED and rows.cost(other.point.x) <= most:
                 return other
     return found
 
@@ -481,50 +475,41 @@ def least_cost(
     # The rows active at x are those of the solution only if they leave x no freedom.
     settled = face.held.size + np.count_nonzero(face.v_box) >= x.size
     guess = make_guess(easier, x, None) if settled else NO_GUESS
-    second, multipliers = exactly(easier, guess=guess), None
+    second = exactly(easier, guess=guess)
     status, message = second.status, second.message
-    r = face.shifts(x)
-    if status is Status.DUAL_INFEASIBLE:
-        x = second.point.x
-    elif status is Status.SOLVED:
-        x, *multipliers = face.point(second.point)
-        r = face.shifts(x)
-    else:
+    if status is Status.SOLVED:
+        point = face.point(second.point)
+        found = reported(qp, rows, point, face.shifts(point.x), status, message)
+        residuals = found.residuals
+        if residuals.solved(*limits.tolerances):
+            return found._replace(stages=(face, easier, second.point))
+        if residuals._replace(dual=0.0, gap=0.0).solved(*limits.tolerances):
+            x = point.x
+        status, message = Status.STALLED, UNPROVED.format(*residuals[:3]) + message
+    elif status is not Status.DUAL_INFEASIBLE:
         message = NOT_MINIMISED.format(status.value) + message
         if status not in (Status.TIME_LIMIT, Status.MAX_ITER):
             status = Status.STALLED
-    found = reported(qp, rows, x, r, status, message, multipliers)
-    residuals = found.residuals
-    if status is not Status.SOLVED:
-        return found
-    if residuals.solved(*limits.tolerances):
-        return found._replace(stages=(face, easier, second.point))
-    if not residuals._replace(dual=0.0, gap=0.0).solved(*limits.tolerances):
-        x, r = face.x, face.shifts(face.x)
-    message = UNPROVED.format(*residuals[:3]) + message
-    return reported(qp, rows, x, r, Status.STALLED, message)
+    r = face.shifts(x)
+    if status is Status.DUAL_INFEASIBLE:
+        x = second.point.x
+    return reported(qp, rows, without_multipliers(qp, x), r, status, message)
 
 
 def reported(
-    qp: QP,
-    rows: Rows,
-    x: np.ndarray,
-    r: np.ndarray,
-    status: Status,
-    message: str,
-    multipliers: Sequence[np.ndarray] | None = None,
+    qp: QP, rows: Rows, point: Point, r: np.ndarray, status: Status, message: str
 ) -> Nearest:
     """Return a point and shifts of the rows as the user wants them, with residuals.
 
-    Without multipliers, which a solution has, these and the residuals are NaN.
+    These are NaN where the multipliers are not known.
     """
-    h, b, lb, ub = rows.shifts(r)
-    shifted = qp._replace(h=qp.h + h, b=qp.b + b, lb=qp.lb + lb, ub=qp.ub + ub)
-    if multipliers is None:
-        y, z, z_box = (np.full(v.size, np.nan) for v in (qp.b, qp.h, qp.q))
-        residuals = UNDEFINED
-    else:
-        y, z, z_box = multipliers
-        residuals = qp_residuals(*shifted, x, y, z, z_box)
-    norm, message = rows.norm, message.strip()
-    return Nearest(status, x, y, z, z_box, residuals, h, b, lb, ub, norm, message)
+    h, b, lb, ub = shifts = rows.shifts(r)
+    residuals = UNDEFINED
+    if not np.isnan(point.z_box).any():
+        sides = {"h": qp.h + h, "b": qp.b + b, "lb": qp.lb + lb, "ub": qp.ub + ub}
+        residuals = qp_residuals(*qp._replace(**sides), *point)
+    return Nearest(status, point, residuals, shifts, rows.norm, message.strip())
+
+
+def without_multipliers(qp: QP, x: np.ndarray) -> Point:
+    return Point(x, *(np.full(v.size, np.nan) for v in (qp.b, qp.h, qp.q)))
