@@ -1,14 +1,10 @@
-"""The loop of a regularised primal-dual interior-point method.
+"""A regularised primal-dual interior-point method: presolve, scale, iterate, map back.
 
 The iterates follow the central path W Z = mu, W the slacks and Z the multipliers of the
 one-sided constraints, for a positive semidefinite P and any rows. Each iteration
 factors one quasi-definite KKT matrix and makes Mehrotra's predictor and corrector
 (SIAM J. Optim. 2, 1992), one corrector of Gondzio (Comput. Optim. Appl. 6, 1996), and
-steps of separate length. An active-set refinement is tried near the solution; the judge
-measures candidates on unscaled data and keeps the best.
-
-A warm start that stagnates is followed by a cold start, a cold start that stagnates by
-one whose mu falls more slowly (`restart`).
+steps of separate length.
 
 What an iterate needs, as `look` says: REPORT: to be reported; JUDGE: measured on
 unscaled data; ACTIVE_SET: refined with its active set; PROVE: tested for a certificate;
@@ -48,9 +44,9 @@ from namlcp.status import Status
 # to the gap, then. TOLERABLE: primal residual over its tolerance up to which a restart
 # relaxes right-hand sides.
 LIFT, TOLERABLE = 0.01, 0.5
-# Where an iterate meets the tolerances here and only its gap is refused by the judge,
-# as terms of the gap cancel in the user's sum, the least target of W'Z falls to the
-# part CLOSER of what it was, and at most to LEAST; the loop ends with MOST_REFUSED.
+# Where an iterate meets the tolerances and the judge refuses only its gap, as terms of
+# that cancel in the user's sum, the least target of W'Z falls to the part CLOSER, and
+# at most to LEAST; the loop ends after MOST_REFUSED of them.
 CLOSER, LEAST = 0.1, 1e-8
 # Slacks and multipliers of a warm start are at least INSIDE times the largest one, or
 # times LEAST_SLACK and LEAST_MULTIPLIER if these are larger.
@@ -60,19 +56,13 @@ INSIDE, LEAST_SLACK, LEAST_MULTIPLIER = 1e-2, 1.0, 1e-3
 # Gap over its tolerance up to which an iterate with small primal and dual residuals is
 # worth measuring on unscaled data, where the sums of the gap round differently.
 CLOSE = 1e3
-# An active-set refinement needs a worst residual, or a mean of W Z, below these.
-NEAR, NEAR_MU = 1e-2, 1e-7
-# The worst residual has to fall to this part of that at the last active-set refinement
-# before the next one, for small and for large K, with more than LARGE_KKT entries.
-DROP, DROP_LARGE = 0.1, 1e-3
-# Worst residual over its tolerance from which on a refinement needs an active set that
-# did not change in the last iteration.
-STEADY = 100.0
-# An iteration counts IDLE times in the patience if a step of full length leaves more
-# than the part STUCK of a large primal residual: the next steps will do no better.
-STUCK = 0.99
-# These are asked once, where the primal residual is FAR times its tolerance or more and
-# RESISTS iterations, counted like that, have not halved the worst one.
+# An active-set refinement needs a worst residual, or a mean of W Z, below these; a
+# worst residual that fell to the part DROP, for K with more than LARGE_KKT entries to
+# DROP_LARGE, since the last refinement; and from STEADY times the tolerance on an
+# active set that did not change in the last iteration.
+NEAR, NEAR_MU, DROP, DROP_LARGE, STEADY = 1e-2, 1e-7, 0.1, 1e-3, 100.0
+# The least shifts are asked once, where the primal residual is FAR times its tolerance
+# or more and RESISTS iterations have not halved the worst one.
 FAR = 10.0
 # Passes over the entries of L in one iteration, about.
 PASSES = 20.0
@@ -132,10 +122,7 @@ def answer_of_presolve(small, chain, judge):
 
 
 def run(m: Interior, guess):
-    """Iterate until solved, proved impossible, or out of iterations or time.
-
-    Returns the status; the judge has the point or the certificate.
-    """
+    """Iterate; return the status. The judge has the point or the certificate."""
     status = iterate(m, guess)
     if status is not Status.SOLVED and m.best < INFINITY:
         offer(m, m.best_x)
@@ -192,7 +179,7 @@ def iterate(m, guess):
 
 
 def answer(m, wants):
-    """Do what the iterate needs; return the status if that ends the loop."""
+    """Give the iterate what it needs; return the status if that ends the loop."""
     if wants & REPORT:
         count = int(as_array(m.active, m.m).sum())
         length = min(m.step.primal, m.step.dual)
@@ -234,14 +221,13 @@ def begin(m):
     """Forget how earlier iterates converged, and start with much regularisation."""
     m.since_halved, m.reference, m.last_refined = 0, INFINITY, INFINITY
     # no residual is stuck before there is one to compare it with
-    m.old_primal = m.old_primal_norm = m.old_dual_norm = INFINITY
+    m.old_primal_norm = m.old_dual_norm = INFINITY
     m.krylov_pays, m.attained = True, 0.0
     m.patience = WARM_PATIENCE if m.is_warm else PATIENCE
     m.rho, m.delta, m.wait = RHO, DELTA, 0
 
 
 def look(m):
-    """Return what the iterate needs."""
     wants: cython.int = REPORT if m.reports else 0
     if m.worst <= CLOSE and max(m.primal_ratio, m.dual_ratio) <= 1.0:
         wants |= JUDGE
@@ -253,9 +239,7 @@ def look(m):
         wants |= ACTIVE_SET
     if promises(m):
         wants |= PROVE
-    is_stuck: cython.bint = m.primal_ratio > CLOSE and m.primal > STUCK * m.old_primal
-    m.since_halved += IDLE if is_stuck and m.has_full_step else 1
-    m.old_primal = m.primal
+    m.since_halved += 1
     if m.worst <= 0.5 * m.reference:
         m.reference, m.since_halved = m.worst, 0
     if m.doubts and m.since_halved > RESISTS and m.primal_ratio > FAR:
@@ -269,7 +253,7 @@ def look(m):
 
 
 def mark_active(m):
-    """Mark the constraints with Z > W; tell whether they are those of last time."""
+    """Mark the constraints with Z > W; tell whether these were marked before."""
     same: cython.bint = True
     for k in range(m.m):
         is_active: cython.bint = m.Z[k] > m.W[k]
