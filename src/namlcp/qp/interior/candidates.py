@@ -15,9 +15,9 @@ multipliers >= 0 and adds the violated ones: a primal-dual active-set method
 The unknowns are u = (x, y, net z); `held` marks the variables at active bounds and the
 inactive rows, which do not change.
 
-Candidates for certificates are the iterate and the last step, as they are and projected
-by means of one factorisation of K. Those with small relative residuals (`promises`) are
-tested by the judge, on unscaled data.
+Candidates for certificates are the parts of the last step, (dy, dZ) and dx, as they are
+and projected by means of one factorisation of K. Those with small relative residuals
+(`promises`) are tested by the judge, on unscaled data.
 """
 
 import cython
@@ -68,8 +68,8 @@ PROJECTION, PROJECTED = 1e-8, 1e-16
 # The shift of the system of a ray.
 RAY_SHIFT = 1e-6
 # A one-sided constraint is an equation in the projection of a ray d, max |d_j| = 1, if
-# sign * C d, scaled, exceeds NEARLY_ACTIVE for d, or VIOLATED for a projection so far.
-NEARLY_ACTIVE, VIOLATED = -1e-3, 1e-13
+# sign * C d, scaled, exceeds this.
+NEARLY_ACTIVE = -1e-3
 
 
 def refine(m):
@@ -237,85 +237,75 @@ def promises(m):
         return False
     du, dZ, dv, ratios = m.step.du, m.step.dZ, m.dv, m.ratios
     fill(dv, 0.0, m.size)
-    for i in range(m.p):
-        dv[m.n + i] = du[m.n + i]
+    copy(du + m.n, dv + m.n, m.p)
     for k in range(m.m):
         dv[m.place[k]] += m.sign[k] * max(dZ[k], 0.0)
     multiply(m, du, dv, m.Pdx, m.Ctdv, m.dt)
-    size = max(1.0, largest_entry(m.x, m.n))
-    ratios[0] = farkas_ratio(m, m.y, m.Z, m.v, m.Ctv, size)
-    ratios[1] = farkas_ratio(m, du + m.n, dZ, dv, m.Ctdv, size)
-    ratios[2] = ray_ratio(m, m.x, m.Px, m.t)
-    ratios[3] = ray_ratio(m, du, m.Pdx, m.dt)
+    ratios[0] = farkas_ratio(m, du + m.n) if primal else INFINITY
+    ratios[1] = ray_ratio(m) if dual else INFINITY
     found: cython.bint = False
-    for k in range(4):
-        is_stuck: cython.bint = primal if k < 2 else dual
-        if not is_stuck or not ratios[k] <= PROMISING:
+    for k in range(2):
+        if not ratios[k] <= PROMISING:
             ratios[k] = INFINITY
         elif ratios[k] <= SMALL_RATIO or ratios[k] <= AGAIN * m.tested[k]:
             found = True
     return found
 
 
-def farkas_ratio(m, y, Z, v, Ctv, size):
+def farkas_ratio(m, dy):
     """Return min(|r| |x| / -value, |r| / |multipliers|), inf if value >= 0."""
+    dZ = m.step.dZ
     value: cython.double = 0.0
     most: cython.double = 0.0
     residual: cython.double = 0.0
     for i in range(m.p):
-        value += m.b[i] * y[i]
-        most = max(most, abs(y[i]))
+        value += m.b[i] * dy[i]
+        most = max(most, abs(dy[i]))
     for k in range(m.m):
-        value += m.c[k] * max(Z[k], 0.0)
-        most = max(most, Z[k])
+        value += m.c[k] * max(dZ[k], 0.0)
+        most = max(most, dZ[k])
     if not value < 0.0:
         return INFINITY
     for j in range(m.n):
-        residual = max(residual, abs(Ctv[j] + v[j]))
+        residual = max(residual, abs(m.Ctdv[j] + m.dv[j]))
+    size = max(1.0, largest_entry(m.x, m.n))
     return min(residual * size / -value, residual / most)
 
 
-def ray_ratio(m, d, Pd, t):
-    """Return max(|P d|, |A d|, (C d)+) / |d|, inf if q'd >= 0."""
+def ray_ratio(m):
+    """Return max(|P dx|, |A dx|, (C dx)+) / |dx|, inf if q'dx >= 0."""
+    dx, t = m.step.du, m.dt
     value: cython.double = 0.0
-    most: cython.double = 0.0
-    residual: cython.double = 0.0
     for j in range(m.n):
-        value += m.q[j] * d[j]
-        most = max(most, abs(d[j]))
-        residual = max(residual, abs(Pd[j]))
+        value += m.q[j] * dx[j]
     if not value < 0.0:
         return INFINITY
-    for i in range(m.n, m.n + m.p):
-        residual = max(residual, abs(t[i]))
+    residual = max(largest_entry(m.Pdx, m.n), largest_entry(t + m.n, m.p))
     for k in range(m.m):
         residual = max(residual, m.sign[k] * t[m.place[k]])
-    return residual / most
+    return residual / largest_entry(dx, m.n)
 
 
 def find_proof(m):
     """Return the verdict of the first candidate that is a proof, which is kept.
 
-    Its projections are tried, too, where it improved since the last ones.
+    Its projection is tried, too, where it improved since the last one.
     """
     n, rows = m.n, m.n + m.p
     du, dZ = as_array(m.step.du, m.size).copy(), as_array(m.step.dZ, m.m)
-    x, y, _, Z = m.point
     none = np.zeros(n), np.zeros(m.p), np.zeros(m.m)
-    last = none[0], du[n:rows], np.maximum(dZ, 0.0)
-    candidates = (none[0], y, Z), last, (x, *none[1:]), (du[:n], *none[1:])
-    for k, candidate in enumerate(candidates):
+    multipliers = none[0], du[n:rows], np.maximum(dZ, 0.0)
+    for k, candidate in enumerate((multipliers, (du[:n], *none[1:]))):
         if not m.ratios[k] < INFINITY:
             continue
-        verdict = Status.PRIMAL_INFEASIBLE if k < 2 else Status.DUAL_INFEASIBLE
+        verdict = Status.DUAL_INFEASIBLE if k else Status.PRIMAL_INFEASIBLE
         if proves(m, k, candidate):
             return verdict
         if m.ratios[k] <= AGAIN * m.tested[k]:
             m.tested[k] = m.ratios[k]
-            project = project_multipliers if k < 2 else project_ray
-            for better in project(m, candidate):
-                if proves(m, k, better):
-                    return verdict
+            project = project_ray if k else project_multipliers
+            if proves(m, k, project(m, candidate)):
+                return verdict
     return None
 
 
@@ -323,7 +313,7 @@ def proves(m, k, candidate):
     """Tell whether scaled (d, y, Z) are a proof, of which d or (y, Z) is 0; keep it."""
     x, y, _, Z = m.point
     near, proof = m.chain.point(x, y, Z), m.chain.point(*candidate, data=0.0)
-    if k < 2:
+    if k == 0:
         return m.judge.accept_multipliers(near.x, proof.y, proof.z)
     return m.judge.accept_ray(proof.x, near)
 
@@ -370,41 +360,22 @@ def project_multipliers(m, candidate):
         t = products(m, u[:n], v)[2]
         y = y + u[n:rows]
         Z = np.maximum(Z + w * problem.sign * t[problem.place], 0.0)
-    return [(none, *best)]
+    return none, *best
 
 
 def project_ray(m, candidate):
-    """Project d on P d = 0, A d = 0 and, for nearly active constraints, C d = 0.
-
-    Constraints that the result violates are added for another projection. Returns
-    all results, the last one first.
-    """
+    """Project d on P d = 0, A d = 0 and, for nearly active constraints, C d = 0."""
     d, *none = candidate
     d = d / largest(d)
-    active, found = change_of_constraints(m, d) > NEARLY_ACTIVE, []
+    t = products(m, d, np.zeros(m.size))[2]
+    active = m.problem.sign * t[m.problem.place] > NEARLY_ACTIVE
     zero = np.zeros(max(m.size, m.m))  # goal_c has m entries
     m.cost = m.goal_b = m.goal_c = numbers(zero, zero.size)
     m.regularisation = RAY_SHIFT
-    start = as_array(m.start, m.length)
-    for _ in range(RAY_PROJECTIONS):
-        start[:] = np.concatenate((d, np.zeros(m.p + m.m), active))
-        solve_set(m)
-        if not m.is_factored:
-            break
-        better = as_array(m.found, m.n).copy()
-        found.append((better, *none))
-        more = active | (change_of_constraints(m, better) > VIOLATED)
-        if np.array_equal(more, active):
-            break
-        active = more
+    as_array(m.start, m.length)[:] = np.concatenate((d, np.zeros(m.p + m.m), active))
+    solve_set(m)
     m.cost, m.goal_b, m.goal_c = m.q, m.b, m.c
-    return found[::-1]
-
-
-def change_of_constraints(m, d):
-    """Return sign * C d, positive where d violates a one-sided constraint."""
-    t = products(m, d, np.zeros(m.size))[2]
-    return m.problem.sign * t[m.problem.place]
+    return (as_array(m.found, m.n).copy(), *none) if m.is_factored else candidate
 
 
 def sums(m, values):

@@ -142,8 +142,7 @@ def iterate(m, guess):
     """Run the loop; return the status."""
     if is_late(m):  # before the first factorisation
         return Status.TIME_LIMIT
-    for k in range(4):
-        m.tested[k] = PROMISING
+    m.tested[0] = m.tested[1] = PROMISING
     m.reports, m.doubts = m.limits.report is not None, m.judge.doubt is not None
     m.is_warm = guess.x.size > 0 and start_warm(m, guess)
     while True:

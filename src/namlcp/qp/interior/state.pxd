@@ -40,8 +40,8 @@ cdef class Interior(Watched):
         double rhs_norm
         bint krylov_pays
         # Relative residuals of the candidates for certificates, now and at the last test.
-        double ratios[4]
-        double tested[4]
+        double ratios[2]
+        double tested[2]
         # The active-set system (`candidates`): the point where it starts, with its active
         # set, and the one found, with the next set; its unknowns, those of the least
         # residual, the right-hand side of rows; flags of what is held; its
