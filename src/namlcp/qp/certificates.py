@@ -17,8 +17,6 @@ the 1-norm of the multipliers. Every x that violates no constraint by more than 
 A test is made in the user's units, then in those that equilibrate P, A and G (see
 `transforms.scaling`): without them a column of tiny entries would have a tiny residual
 for any y and z, and a variable that counts in large units one for any step along it.
-`moduli` is the sum of the moduli of the terms of the value, `margin` the absolute
-tolerance times the 1-norm of the multipliers, t lam, or of the ray.
 """
 
 import cython
@@ -52,16 +50,15 @@ CANCELLED = 1e-10
 LARGEST = float(np.finfo(float).max)
 # Of what takes one bound or row alone.
 NO_RESIDUAL = UNDEFINED._replace(dual=0.0)
-# A `Proof` is the `Point` of a certificate and, as `dual` and `primal`, the residuals
-# |A'y + G'z + z_box|, or |P d| and the largest of |A d| and (G d)+.
 
 
 def suffices(worst, most, error, margin, moduli, cancels):
     """Tell whether a certificate is accepted.
 
     worst: its largest residual; most: its largest entry; error: the most that the
-    residual may be at points of the current size; cancels: whether a residual of
-    rounding errors is one.
+    residual may be at points of the current size; margin: the absolute tolerance times
+    the 1-norm of the multipliers, t lam, or of the ray; moduli: the sum of the moduli
+    of the terms of its value; cancels: whether a residual of rounding errors is one.
     """
     relative, radius = worst / most, RADIUS * error + margin
     within: cython.bint = relative <= RESIDUAL and radius <= 1.0
@@ -258,7 +255,7 @@ def take_matrix(M, array):
 
 
 def accepted(qp, point, d, tol):
-    """Return a certificate of value -1, a `Proof`, None if there is none.
+    """Return a certificate of value -1, its point and residuals; None if there is none.
 
     point: (x, y, z) at hand, of which y and z are to prove that the QP is infeasible; a
     ray d, if not None, that it is unbounded. tol: the absolute tolerance.
@@ -294,10 +291,7 @@ def accepted(qp, point, d, tol):
 
 
 def alone(qp, eps_abs, eps_rel):
-    """Return why one bound, or one row, proves that no x is feasible, if one does.
-
-    Bounds contradict each other if no x is within tolerance of both.
-    """
+    """Return why one bound, or one row, proves that no x is feasible, if one does."""
     empty = (qp.h == -np.inf).nonzero()[0]
     if is_box_open(qp.lb, qp.ub) and not empty.size:
         return None

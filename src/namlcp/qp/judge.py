@@ -63,11 +63,10 @@ UNIT = 2.0**-52
 class Judge:
     """The best point so far; `best` is the largest of its residuals over tolerances.
 
-    The QP is solved if best <= 1. `given`: P, G and A as the user stores them, each
-    None where absent; None where these are the matrices of the QP. `doubt`: asked once,
-    with the judge, whether the QP is infeasible; None if nobody is, or has been.
-    `proof`: a certificate that was accepted: status, point, residuals. `offered`: the
-    residuals of the last point that was offered.
+    `given`: P, G and A as the user stores them, each None where absent; None where
+    these are the matrices of the QP. `doubt`: asked once, with the judge, whether the
+    QP is infeasible; None if nobody is, or has been. `proof`: a certificate that was
+    accepted: status, point, residuals. `offered`: the residuals of the last point.
     """
 
     def __init__(self, qp, limits, given=None, doubt=None):
@@ -86,8 +85,7 @@ class Judge:
     def offer(self, point):
         """Measure the point on its bounds, or within them, or with rounding corrected.
 
-        All have x within its bounds, and multipliers of the right signs. Returns the
-        least of their largest residuals over tolerances.
+        Returns the least of their largest residuals over tolerances.
         """
         least, z = INFINITY, np.maximum(point.z, 0.0)
         for moves in (True, False):
@@ -112,10 +110,7 @@ class Judge:
         return self.ratio(self.offered._replace(gap=0.0)) <= 1.0
 
     def measure(self, point, residuals=None):
-        """Return the residuals of one point; keep it if it is the best.
-
-        `residuals`: they, where they have been computed on the arrays of the QP.
-        """
+        """Return the residuals of a point, if they are not given; keep the best one."""
         residuals = residuals or self.residuals_of(point)
         ratio = self.ratio(residuals)
         if self.given is not None and ratio <= 1.0:
@@ -161,15 +156,12 @@ class Judge:
             self.measure(self.point)
 
     def accept_multipliers(self, x, y, z):
-        """Tell whether multipliers prove that no x is feasible; x: the point at hand.
-
-        The certificate is kept.
-        """
+        """Tell whether multipliers prove that no x, as that at hand, is feasible."""
         proof = accepted(self.checked, (x, y, z), None, self.limits.eps_abs)
         return self.keep(Status.PRIMAL_INFEASIBLE, proof)
 
     def accept_ray(self, d, point=None):
-        """Tell whether the QP is unbounded along d; the certificate is kept."""
+        """Tell whether the QP is unbounded along d."""
         x, y, z, _ = point or self.qp.point()
         proof = accepted(self.checked, (x, y, z), d, self.limits.eps_abs)
         return self.keep(Status.DUAL_INFEASIBLE, proof)
@@ -185,10 +177,7 @@ class Judge:
         return doubt is not None and doubt(self)
 
     def answer(self, status, iterations, method, message=""):
-        """Return the certificate, or the best point, SOLVED if it passes.
-
-        If it does not, a final `status` becomes STALLED.
-        """
+        """Return the certificate, or the best point; SOLVED without one is STALLED."""
         if self.proof is not None:
             return Outcome(*self.proof, iterations, method, message)
         if self.point is None:
@@ -202,10 +191,7 @@ class Judge:
 
 
 def are_own(given, qp):
-    """Tell whether (P, G, A) as they came have the entries of the QP, as it has them.
-
-    They are its very matrices, or in CSC with its values and other types of indices.
-    """
+    """Tell whether (P, G, A) as they came are stored as those of the QP."""
     for M, own in zip(given, (qp.P, qp.G, qp.A), strict=True):
         if M is None or M is own:
             continue
@@ -215,7 +201,6 @@ def are_own(given, qp):
 
 
 def as_stored(given, own):
-    """Return a matrix of the user in its own order, the QP's where it is absent."""
     if given is None:
         return own
     if sp.issparse(given):
@@ -244,10 +229,7 @@ def is_correctable(found, eps_abs, eps_rel):
 
 
 def corrections(qp, point, found, eps_abs, eps_rel):
-    """Yield points with smaller residuals than those `found` at this one.
-
-    The matrices are dense or sparse in any layout; sums run in their order.
-    """
+    """Yield points with smaller residuals than those `found` at this one."""
     tol = eps_abs + eps_rel * found.dual_size
     for share, rest in SHARES:
         new, seen = point, found
@@ -267,8 +249,7 @@ def corrections(qp, point, found, eps_abs, eps_rel):
 def correct_dual_residual(qp, point, tol, rest=0.0):
     """Return the point with dual residuals above `tol` removed by z_box or x.
 
-    Where x removes them, by Jacobi steps on the Lagrangian, it leaves those of modulus
-    `rest`.
+    x takes Jacobi steps on the Lagrangian, and leaves residuals of modulus `rest`.
     """
     x, y, z, z_box = point
     Gtz, Aty = np.zeros((2, x.size))

@@ -55,7 +55,7 @@ cdef class Interior(Watched):
         # that at which refinement last came to a halt.
         double eps_abs, eps_rel, tol, accuracy, attained
         readonly Py_ssize_t iterations, max_iter
-        bint reports, doubts
+        bint reports
         # The mean of W Z, norms of the scaled residuals, and these one iteration before;
         # |x'rd| and |y'rp + Z'rw|, the shares of the residuals in the gap; the unscaled
         # residuals, as in `Residuals`, and these over their tolerances.
