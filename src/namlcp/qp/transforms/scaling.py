@@ -170,20 +170,22 @@ def equilibrate_parts(P, A, G, n, p, m, units, largest):
 def note_entries(M, rows, columns, of_rows, of_columns):
     """Note the largest entries of the rows and columns of M scaled by two vectors."""
     for line in range(0 if M == cython.NULL else M.lines):
-        if M.starts == cython.NULL:
-            row, factor, most = M.values + line * M.width, rows[line], of_rows[line]
-            for j in range(M.width):
-                value = fabs(row[j]) * columns[j] * factor
-                of_columns[j] = max(of_columns[j], value)
-                most = max(most, value)
-            of_rows[line] = most
-            continue
-        factor = columns[line]
-        for t in range(M.starts[line], M.starts[line + 1]):
-            i = M.others[t]
-            value = fabs(M.values[t]) * factor * rows[i]
+        for t in range(first_of(M, line), first_of(M, line + 1)):
+            i, j = place_of(M, line, t)
+            value = fabs(M.values[t]) * columns[j] * rows[i]
             of_rows[i] = max(of_rows[i], value)
-            of_columns[line] = max(of_columns[line], value)
+            of_columns[j] = max(of_columns[j], value)
+
+
+def first_of(M, line):
+    return line * M.width if M.starts == cython.NULL else M.starts[line]
+
+
+def place_of(M, line, t):
+    """Return the row and the column of an entry."""
+    if M.starts == cython.NULL:
+        return line, t - line * M.width
+    return M.others[t], line
 
 
 def even_out(indptr, indices, data, scale):
