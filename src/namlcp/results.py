@@ -763,11 +763,14 @@ def closest_point(
     found: Nearest, problem: tuple[QP, tuple[Any, Any, Any]]
 ) -> ClosestPoint:
     """Return what was found for an infeasible problem, given as in `qp_result`."""
-    qp, x, parts = problem[0], found.x, found._asdict()
-    stages = parts.pop("stages")
+    qp, x, parts = problem[0], found.point.x, found._asdict()
+    point, shifts, stages = (parts.pop(name) for name in ("point", "shifts", "stages"))
+    names = ("shift_h", "shift_b", "shift_lb", "shift_ub")
     objective = float(x @ (0.5 * times(qp.P, x) + qp.q))
     return ClosestPoint(
         **parts,
+        **point._asdict(),
+        **dict(zip(names, shifts, strict=True)),
         obj=OBJECTIVE.get(found.status, objective),
         problem=stages and (problem, *stages),
         stamp=stamp_of(qp),

@@ -213,11 +213,11 @@ def test_the_norm_of_a_residual_with_nan_is_nan(place):
 def weighed(b, y, h, z, lb, ub, s):
     """Return z_box, and the value, its moduli and the 1-norm of the multipliers."""
     certificates = plain.module("namlcp.qp.certificates")
-    found, c, z_box = certificates.Farkas(), certificates.Claim(), np.empty(s.size)
+    c, z_box = certificates.Claim(), np.empty(s.size)
     c.p, c.m, c.n = b.size, h.size, s.size
     c.b, c.h, c.lb, c.ub = map(plain.Pointer, (b, h, lb, ub))
-    certificates.weigh(found, c, *map(plain.Pointer, (y, z, s, z_box)))
-    return z_box, (found.value, found.moduli, found.lam)
+    certificates.weigh(c, *map(plain.Pointer, (y, z, s, z_box)))
+    return z_box, (c.value, c.moduli, c.lam)
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -10,8 +10,8 @@ from qpsolvers import Problem, Solution
 from namlcp import Status, qp_residuals, solve_qp
 from namlcp.limits import Limits
 from namlcp.qp import Point, qp_data
-from namlcp.qp.judge import Judge
-from namlcp.qp.rounding import (
+from namlcp.qp.judge import (
+    Judge,
     correct_dual_residual,
     correct_gap_by_multipliers,
     correct_gap_by_x,

@@ -17,8 +17,6 @@ the 1-norm of the multipliers. Every x that violates no constraint by more than 
 A test is made in the user's units, then in those that equilibrate P, A and G (see
 `transforms.scaling`): without them a column of tiny entries would have a tiny residual
 for any y and z, and a variable that counts in large units one for any step along it.
-`moduli` is the sum of the moduli of the terms of the value, `margin` the absolute
-tolerance times the 1-norm of the multipliers, t lam, or of the ray.
 """
 
 import cython
@@ -27,7 +25,12 @@ from cython import Py_ssize_t
 from cython.cimports.libc.math import INFINITY, NAN, fabs, isinf
 from cython.cimports.namlcp.linalg.arrays import numbers, places
 from cython.cimports.namlcp.linalg.vectors import fill, largest_entry
-from cython.cimports.namlcp.qp.transforms.scaling import Matrix, equilibrate_parts
+from cython.cimports.namlcp.qp.transforms.scaling import (
+    Matrix,
+    equilibrate_parts,
+    first_of,
+    place_of,
+)
 
 from namlcp.qp.bounds import is_box_open
 from namlcp.qp.problem import Point
@@ -52,16 +55,15 @@ CANCELLED = 1e-10
 LARGEST = float(np.finfo(float).max)
 # Of what takes one bound or row alone.
 NO_RESIDUAL = UNDEFINED._replace(dual=0.0)
-# A `Proof` is the `Point` of a certificate and, as `dual` and `primal`, the residuals
-# |A'y + G'z + z_box|, or |P d| and the largest of |A d| and (G d)+.
 
 
 def suffices(worst, most, error, margin, moduli, cancels):
     """Tell whether a certificate is accepted.
 
     worst: its largest residual; most: its largest entry; error: the most that the
-    residual may be at points of the current size; cancels: whether a residual of
-    rounding errors is one.
+    residual may be at points of the current size; margin: the absolute tolerance times
+    the 1-norm of the multipliers, t lam, or of the ray; moduli: the sum of the moduli
+    of the terms of its value; cancels: whether a residual of rounding errors is one.
     """
     relative, radius = worst / most, RADIUS * error + margin
     within: cython.bint = relative <= RESIDUAL and radius <= 1.0
@@ -69,29 +71,29 @@ def suffices(worst, most, error, margin, moduli, cancels):
     return within or (exact and cancels and relative * moduli <= ROUNDED_VALUE)
 
 
-def weigh(found, c, y, z, s, z_box):
-    """Set z_box to -s = -(G'z + A'y) where a bound allows, and the numbers `found`.
+def weigh(c, y, z, s, z_box):
+    """Set z_box to -s = -(G'z + A'y) where a bound allows, and value, moduli and lam.
 
     The value is b'y + h'z + lb'z_box^- + ub'z_box^+, NaN where a multiplier is.
     """
-    found.value = found.moduli = found.lam = 0.0
+    c.value = c.moduli = c.lam = 0.0
     for i in range(c.p):
-        add_term(found, c.b[i], y[i])
+        add_term(c, c.b[i], y[i])
     for i in range(c.m):
         if z[i] != 0.0:
-            add_term(found, c.h[i], z[i])
+            add_term(c, c.h[i], z[i])
     for j in range(c.n):
         bound = c.ub[j] if s[j] < 0.0 else c.lb[j]
         z_box[j] = 0.0 if isinf(bound) else 0.0 - s[j]
         if z_box[j] != 0.0:
-            add_term(found, bound, z_box[j])
-        found.value += 0.0 * s[j]  # NaN where s is, for what max() may ignore
+            add_term(c, bound, z_box[j])
+        c.value += 0.0 * s[j]  # NaN where s is, for what max() may ignore
 
 
-def add_term(found, side, multiplier):
-    found.value += side * multiplier
-    found.moduli += fabs(side * multiplier)
-    found.lam += fabs(multiplier)
+def add_term(c, side, multiplier):
+    c.value += side * multiplier
+    c.moduli += fabs(side * multiplier)
+    c.lam += fabs(multiplier)
 
 
 # ---- certificates of a QP
@@ -103,17 +105,16 @@ def prove_infeasible(c, x, y, z, z_box):
     x: the point at hand; c.dual becomes the residual.
     """
     n, p, s, factor = c.n, c.p, c.r, 1.0
-    found: Farkas
     for i in range(c.m):
         if z[i] <= 0.0 or isinf(c.h[i]):  # NaN is kept
             z[i] = 0.0
     fill(s, 0.0, n)
     add_transposed(c.G, z, s)
     add_transposed(c.A, y, s)
-    weigh(cython.address(found), c, y, z, s, z_box)
-    if not found.value < -VALUE_ROUNDING * found.moduli:
+    weigh(c, y, z, s, z_box)
+    if not c.value < -VALUE_ROUNDING * c.moduli:
         return False
-    factor = -1.0 / found.value
+    factor = -1.0 / c.value
     scale(factor, y, p)
     scale(factor, z, c.m)
     scale(factor, z_box, n)
@@ -127,7 +128,7 @@ def prove_infeasible(c, x, y, z, z_box):
         worst, most = largest_in(s, c.units, n), largest_in(z_box, c.units, n)
         most = max(most, largest_per(y, c.units + n, p))
         most = max(most, largest_per(z, c.units + n + p, c.m))
-        margin, moduli = factor * c.tol * found.lam, factor * found.moduli
+        margin, moduli = factor * c.tol * c.lam, factor * c.moduli
         error = max(1.0, sum_per(x, c.units, n)) * worst
         if not suffices(worst, most, error, margin, moduli, True):
             return False
@@ -212,16 +213,6 @@ def largest_per(v, units, n):
     return largest
 
 
-def first_of(M, line):
-    return line * M.width if M.starts == cython.NULL else M.starts[line]
-
-
-def place_of(M, line, t):
-    if M.starts == cython.NULL:
-        return line, t - line * M.width
-    return M.others[t], line
-
-
 def add_products(M, d, out, sizes):
     """Add M d and |M| |d|."""
     for line in range(M.lines):
@@ -258,7 +249,7 @@ def take_matrix(M, array):
 
 
 def accepted(qp, point, d, tol):
-    """Return a certificate of value -1, a `Proof`, None if there is none.
+    """Return a certificate of value -1, its point and residuals; None if there is none.
 
     point: (x, y, z) at hand, of which y and z are to prove that the QP is infeasible; a
     ray d, if not None, that it is unbounded. tol: the absolute tolerance.
@@ -294,10 +285,7 @@ def accepted(qp, point, d, tol):
 
 
 def alone(qp, eps_abs, eps_rel):
-    """Return why one bound, or one row, proves that no x is feasible, if one does.
-
-    Bounds contradict each other if no x is within tolerance of both.
-    """
+    """Return why one bound, or one row, proves that no x is feasible, if one does."""
     empty = (qp.h == -np.inf).nonzero()[0]
     if is_box_open(qp.lb, qp.ub) and not empty.size:
         return None

@@ -6,14 +6,11 @@ G. Stage 1 finds the least ones,
     minimise  1/2 sum w_i r_i^2  (norm 2)  or  sum w_i |r_i|  (norm 1)
     subject to  G x <= h + r_G,  A x = b + r_A,  lb <= x <= ub,
 
-a convex QP or an LP. Its multipliers v of the rows and v_box of the bounds satisfy
-C'v + v_box = 0: they prove that no x is feasible without shifts, and they describe all
-solutions (`Face`). Stage 2 minimises the cost over the x of all solutions.
-
-Rows of infinite weight are not shifted. Bounds of finite weight become rows.
-The closest feasible problem in norm 2 is that of Chiche and Gilbert, J. Convex Anal. 23
-(2016) 425-459; norm 1 is known as elastic programming (Chinneck, Feasibility and
-Infeasibility in Optimization, 2008).
+a convex QP (Chiche and Gilbert, J. Convex Anal. 23 (2016) 425-459) or an LP (elastic
+programming: Chinneck, Feasibility and Infeasibility in Optimization, 2008). Its
+multipliers v of the rows and v_box of the bounds satisfy C'v + v_box = 0: they prove
+that no x is feasible without shifts, and they describe all solutions (`Face`). Stage 2
+minimises the cost over the x of all solutions.
 
 Let v and v_box be any multipliers of stage 1. By complementary slackness, x belongs to
 a solution if and only if it is feasible with some shifts and
@@ -31,7 +28,7 @@ The multipliers of stage 2 plus k times those of stage 1 are stationary for the 
 QP for any k; k is the least one that gives all of them their sign.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -50,18 +47,15 @@ from namlcp.status import Outcome, Status
 Solve = Callable[..., Outcome]
 """Solves a QP: (qp, guess, limits), see `namlcp.qp.route`."""
 
+# eps_abs and eps_rel of both stages, at most: what is active is read from the last
+# digits of multipliers. A looser eps_rel leaves products of multipliers and slacks of
+# 1e-6 and more where objectives are large, and takes the same time.
 STAGE_TOLERANCES = 1e-9, 1e-13
-"""eps_abs and eps_rel of both stages, at most: what is active is read from the last
-digits of multipliers. A looser eps_rel leaves products of multipliers and slacks of
-1e-6 and more where objectives are large, and takes the same time."""
-
+# The same where stage 2 fails on what stage 1 says is active: many multipliers and
+# slacks that both vanish are left near the square root of their products.
 FINEST = {"eps_abs": 1e-11, "eps_rel": 1e-15}
-"""The same where stage 2 fails on what stage 1 says is active: many multipliers and
-slacks that both vanish are left near the square root of their products."""
-
+# Weighted sum of least shifts over that of stage 1, at most.
 LARGER = 1.0 + 1e-7
-"""Weighted sum of least shifts over that of stage 1, at most."""
-
 NO_NEAREST = "No shift helps: the constraints that must stay contradict each other. "
 NOT_LEAST = "The search for the least shifts ended with status {}: these are larger. "
 NOT_MINIMISED = (
@@ -74,10 +68,9 @@ UNPROVED = (
     "dual one of {:.1e} and a gap of {:.1e}. "
 )
 
+# Error of C x - d at a solution of stage 1, relative to the moduli of its terms: some
+# fifty units of rounding. A larger one would drop rows in units 10^6 times larger.
 ROUNDING = 1e-14
-"""Error of C x - d at a solution of stage 1, relative to the moduli of its terms: some
-fifty units of rounding. A larger one would drop rows in units 10^6 times larger."""
-
 # A multiplier of stage 1 this close to its floor or ceiling, relative to the largest
 # one, stands at it. Those of a solution are exact to rounding.
 AT_LIMIT = 1e-9
@@ -86,10 +79,9 @@ AT_LIMIT = 1e-9
 class Rows(NamedTuple):
     """Rows C x <= d, the last p of them C x = d, within lb <= x <= ub.
 
-    C holds the rows of G, then the soft bounds x_j <= ub_j (j in `upper`) and
-    -x_j <= -lb_j (j in `lower`), then the rows of A. lb and ub are infinite where a
-    bound is soft. `weights` is infinite in rows that must not be shifted, `norm`
-    measures the shifts.
+    C holds the rows of G, then the bounds of finite weight x_j <= ub_j (j in `upper`)
+    and -x_j <= -lb_j (j in `lower`), then the rows of A; lb and ub are infinite there.
+    `weights` is infinite in rows that must not be shifted.
     """
 
     C: Any
@@ -107,39 +99,33 @@ class Rows(NamedTuple):
         return np.arange(self.d.size) >= self.d.size - self.p
 
     def violations(self, x: np.ndarray) -> np.ndarray:
-        """Return the least shifts with which x satisfies all rows."""
         r = times(self.C, x) - self.d
         return np.where(self.is_equality, r, np.maximum(r, 0.0))
 
     def cost(self, x: np.ndarray) -> float:
-        """Return what stage 1 minimises (norm 2: twice that), for these shifts."""
+        """Return what stage 1 minimises (norm 2: twice that)."""
         r = self.violations(x)
         soft = np.isfinite(self.weights) & (r != 0.0)
         r, w = r[soft], self.weights[soft]
         return float(w @ (r * r if self.norm == 2 else np.abs(r)))
 
     def rounding(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return bounds of the errors of v = w (C x - d), and of C'v.
-
-        0 where w is infinite: v is not computed that way.
-        """
-        C, w, d = abs(self.C), self.weights, self.d
-        known = np.isfinite(w) & np.isfinite(d)
-        terms = times(C, np.abs(x)) + np.abs(np.where(known, d, 0.0))
-        errors = np.where(known, ROUNDING * np.where(known, w, 0.0) * terms, 0.0)
+        """Return bounds of the errors of v = w (C x - d), for finite w, and of C'v."""
+        C, known = abs(self.C), np.isfinite(self.weights) & np.isfinite(self.d)
+        w, d = np.where(known, (self.weights, self.d), 0.0)
+        errors = ROUNDING * w * (times(C, np.abs(x)) + np.abs(d))
         sums = np.zeros(x.size)
         add_transposed(C, errors, sums)
         return errors, sums
 
     def parts(self, v: np.ndarray) -> list[np.ndarray]:
-        """Return the parts of v (one entry a row): G, upper, lower, A."""
+        """Return the parts of v: G, upper, lower, A."""
         lower_end = v.size - self.p
         upper_end = lower_end - self.lower.size
         m = upper_end - self.upper.size
         return [v[:m], v[m:upper_end], v[upper_end:lower_end], v[lower_end:]]
 
     def point(self, x: np.ndarray, v: np.ndarray, v_box: np.ndarray) -> Point:
-        """Return x with multipliers of the rows and of lb, ub as a point of the QP."""
         z, of_upper, of_lower, y = self.parts(v)
         z_box = v_box.copy()
         z_box[self.upper] += of_upper
@@ -174,10 +160,9 @@ def rows_of(qp: QP, relaxation: Relaxation) -> Rows:
 
 
 def least_shifts(rows: Rows) -> QP:
-    """Return stage 1: the QP in (x, r) or the LP in (x, r, -r_A) of the least shifts.
+    """Return stage 1: the QP in (x, r), or the LP in (x, r+, r-) with r- in equations.
 
-    A row that is not shifted has no r. In norm 1 r is split into two parts >= 0, the
-    second one only for equalities.
+    A row that is not shifted has no r.
     """
     n, dense = rows.lb.size, isinstance(rows.C, np.ndarray)
     soft = np.flatnonzero(np.isfinite(rows.weights) & (rows.d < np.inf))
@@ -206,7 +191,7 @@ def least_shifts(rows: Rows) -> QP:
 def weights_of(qp: QP, relaxation: Relaxation) -> dict[str, np.ndarray]:
     """Return the weight of each entry of h, b, lb and ub.
 
-    Raises ValueError where there are too many or too few; the message names them.
+    Raises ValueError where there are too many or too few.
     """
     found = {}
     for side in SIDES:
@@ -232,14 +217,12 @@ def scattered(
 
 
 def stacked(axis: int, *blocks: Any) -> Any:
-    """Return the blocks above (axis 0) or beside each other, all dense or all CSC."""
     if isinstance(blocks[0], np.ndarray):
         return np.concatenate(blocks, axis)
     return (sp.hstack if axis else sp.vstack)(blocks, "csc")
 
 
 def chosen(C: Any, rows: np.ndarray, columns: np.ndarray | None = None) -> Any:
-    """Return some rows, and some columns or all, given in rising order."""
     if isinstance(C, np.ndarray):
         return C[rows] if columns is None else C[np.ix_(rows, columns)]
     return submatrix(C, rows, np.arange(C.shape[1]) if columns is None else columns)
@@ -248,9 +231,8 @@ def chosen(C: Any, rows: np.ndarray, columns: np.ndarray | None = None) -> Any:
 class Face(NamedTuple):
     """The x of all solutions of stage 1: C x <= d + r, = or >= for sense 1, 0, -1.
 
-    x: one of them. v, v_box: the multipliers of stage 1. r: its shifts in norm 2, else
-    0. lb = ub where x_j stays at a bound. `moves` marks the rows whose shift depends on
-    x.
+    x, v, v_box: one of them. r: its shifts in norm 2, else 0. lb = ub where x_j stays
+    at a bound. `moves` marks the rows whose shift depends on x.
     """
 
     rows: Rows
@@ -306,7 +288,6 @@ class Face(NamedTuple):
         return self.held[np.isfinite(self.rows.weights[self.held])]
 
     def spread(self, of_held: np.ndarray, of_bounded: np.ndarray) -> np.ndarray:
-        """Return values of the held rows and of the others as values of all rows."""
         out = np.empty(self.v.size)
         out[self.sense == 0], out[self.sense != 0] = of_held, of_bounded
         return out
@@ -327,11 +308,10 @@ class Face(NamedTuple):
         return least_shifts(alone), point
 
     def shifts(self, x: np.ndarray) -> np.ndarray:
-        """Return the shifts of d for an x of the face."""
         return np.where(self.moves, self.rows.violations(x), self.r)
 
     def point(self, found: Point) -> Point:
-        """Return the point of stage 2 as one of the shifted user's QP."""
+        """Return the point of the shifted QP for one of stage 2."""
         v, v_box = self.spread(found.y, found.z), found.z_box
         v = np.where(self.sense < 0, -v, v)
         signed = ~self.rows.is_equality & (self.sense != 1)  # where v >= 0 is at stake
@@ -357,7 +337,6 @@ def least_change(C: Any, held: np.ndarray, free: np.ndarray, v: np.ndarray) -> Q
 
 
 def face_of(rows: Rows, x: np.ndarray, v: np.ndarray, v_box: np.ndarray) -> Face:
-    """Return the face that a solution of stage 1 describes: x, and the multipliers."""
     equality, zero = rows.is_equality, AT_LIMIT * largest(v, v_box)
     zero_box, r = max(zero, largest(rows.C.T @ v + v_box)), np.zeros(v.size)
     if rows.norm == 2:
@@ -379,22 +358,16 @@ def face_of(rows: Rows, x: np.ndarray, v: np.ndarray, v_box: np.ndarray) -> Face
 
 
 class Nearest(NamedTuple):
-    """What the search for the nearest feasible problem found, named as `ClosestPoint`.
+    """What the search for the nearest feasible problem found, see `ClosestPoint`.
 
-    stages, with SOLVED: the face of all x with these shifts, the QP of stage 2 and its
-    solution.
+    shifts: of h, b, lb and ub. stages, with SOLVED: the face of all x with these
+    shifts, the QP of stage 2 and its solution.
     """
 
     status: Status
-    x: np.ndarray
-    y: np.ndarray
-    z: np.ndarray
-    z_box: np.ndarray
+    point: Point
     residuals: Residuals
-    shift_h: np.ndarray
-    shift_b: np.ndarray
-    shift_lb: np.ndarray
-    shift_ub: np.ndarray
+    shifts: tuple[np.ndarray, ...]
     norm: int
     message: str
     stages: tuple[Face, QP, Point] | None = None
@@ -424,7 +397,7 @@ def nearest(
             r, message = np.full(rows.d.size, np.nan), NO_NEAREST + message
         else:
             r, message = rows.violations(x), NOT_LEAST.format(status.value) + message
-        return reported(qp, rows, x, r, status, message)
+        return reported(qp, rows, without_multipliers(qp, x), r, status, message)
     found = least_cost(qp, face, limits, exactly)
     finer = partial(solve_exactly, limits=limits._replace(**FINEST), solve=solve)
     tries = (lambda: face.refined(exactly)), (lambda: stage_one(rows, finer)[-1])
@@ -432,10 +405,11 @@ def nearest(
         sharper = sharpened()
         if sharper is not None:
             other = least_cost(qp, sharper, limits, exactly)
+            if other.status is Status.DUAL_INFEASIBLE:
+                return other
             # rows let go wrongly would leave a solution with larger shifts
             most = LARGER * rows.cost(face.x) + limits.eps_abs
-            is_least = other.status is Status.SOLVED and rows.cost(other.x) <= most
-            if is_least or other.status is Status.DUAL_INFEASIBLE:
+            if other.status is Status.SOLVED and rows.cost(other.point.x) <= most:
                 return other
     return found
 
@@ -443,10 +417,7 @@ def nearest(
 def contradiction(
     qp: QP, limits: Limits, solve: Solve
 ) -> tuple[Point | None, StageOne]:
-    """Return multipliers of the least shifts, which prove that a QP needs some.
-
-    They are as exact as rounding allows, and not yet tested: see `namlcp.qp.judge`.
-    """
+    """Return multipliers of the least shifts, which may prove that a QP needs some."""
     exactly = partial(solve_exactly, limits=limits, solve=solve)
     rows, _, face = stage = stage_one(rows_of(qp, Relaxation()), exactly)
     if face is None:
@@ -481,50 +452,38 @@ def least_cost(
     # The rows active at x are those of the solution only if they leave x no freedom.
     settled = face.held.size + np.count_nonzero(face.v_box) >= x.size
     guess = make_guess(easier, x, None) if settled else NO_GUESS
-    second, multipliers = exactly(easier, guess=guess), None
+    second = exactly(easier, guess=guess)
     status, message = second.status, second.message
-    r = face.shifts(x)
-    if status is Status.DUAL_INFEASIBLE:
-        x = second.point.x
-    elif status is Status.SOLVED:
-        x, *multipliers = face.point(second.point)
-        r = face.shifts(x)
-    else:
+    if status is Status.SOLVED:
+        point = face.point(second.point)
+        found = reported(qp, rows, point, face.shifts(point.x), status, message)
+        residuals = found.residuals
+        if residuals.solved(*limits.tolerances):
+            return found._replace(stages=(face, easier, second.point))
+        if residuals._replace(dual=0.0, gap=0.0).solved(*limits.tolerances):
+            x = point.x
+        status, message = Status.STALLED, UNPROVED.format(*residuals[:3]) + message
+    elif status is not Status.DUAL_INFEASIBLE:
         message = NOT_MINIMISED.format(status.value) + message
         if status not in (Status.TIME_LIMIT, Status.MAX_ITER):
             status = Status.STALLED
-    found = reported(qp, rows, x, r, status, message, multipliers)
-    residuals = found.residuals
-    if status is not Status.SOLVED:
-        return found
-    if residuals.solved(*limits.tolerances):
-        return found._replace(stages=(face, easier, second.point))
-    if not residuals._replace(dual=0.0, gap=0.0).solved(*limits.tolerances):
-        x, r = face.x, face.shifts(face.x)
-    message = UNPROVED.format(*residuals[:3]) + message
-    return reported(qp, rows, x, r, Status.STALLED, message)
+    r = face.shifts(x)
+    if status is Status.DUAL_INFEASIBLE:
+        x = second.point.x
+    return reported(qp, rows, without_multipliers(qp, x), r, status, message)
 
 
 def reported(
-    qp: QP,
-    rows: Rows,
-    x: np.ndarray,
-    r: np.ndarray,
-    status: Status,
-    message: str,
-    multipliers: Sequence[np.ndarray] | None = None,
+    qp: QP, rows: Rows, point: Point, r: np.ndarray, status: Status, message: str
 ) -> Nearest:
-    """Return a point and shifts of the rows as the user wants them, with residuals.
+    """Return a point and shifts of the rows with residuals, NaN without multipliers."""
+    h, b, lb, ub = shifts = rows.shifts(r)
+    residuals = UNDEFINED
+    if not np.isnan(point.z_box).any():
+        sides = {"h": qp.h + h, "b": qp.b + b, "lb": qp.lb + lb, "ub": qp.ub + ub}
+        residuals = qp_residuals(*qp._replace(**sides), *point)
+    return Nearest(status, point, residuals, shifts, rows.norm, message.strip())
 
-    Without multipliers, which a solution has, these and the residuals are NaN.
-    """
-    h, b, lb, ub = rows.shifts(r)
-    shifted = qp._replace(h=qp.h + h, b=qp.b + b, lb=qp.lb + lb, ub=qp.ub + ub)
-    if multipliers is None:
-        y, z, z_box = (np.full(v.size, np.nan) for v in (qp.b, qp.h, qp.q))
-        residuals = UNDEFINED
-    else:
-        y, z, z_box = multipliers
-        residuals = qp_residuals(*shifted, x, y, z, z_box)
-    norm, message = rows.norm, message.strip()
-    return Nearest(status, x, y, z, z_box, residuals, h, b, lb, ub, norm, message)
+
+def without_multipliers(qp: QP, x: np.ndarray) -> Point:
+    return Point(x, *(np.full(v.size, np.nan) for v in (qp.b, qp.h, qp.q)))

@@ -34,22 +34,15 @@ FULL = 0.5
 
 
 class KKT:
-    """K with the factors of K~.
+    """K for P (both triangles stored), A and G, with the factors of K~.
 
-    Attributes
-    ----------
-    indptr, indices, base : upper triangle of K in CSC, all diagonal entries stored
-    data : values of K~; the caller writes its diagonal, data[diagonal]
-    diagonal : positions of the diagonal entries in `base` and `data`
-    factored : the `data` that `factors` belong to
-    n, size : order of P; order of K
+    indptr, indices, base: the upper triangle of K in CSC, all diagonal entries stored.
+    data: the values of K~, of which the caller writes data[diagonal]. factored: the
+    `data` that `factors` belong to; those of `last` if it has the same pattern. n,
+    size: the orders of P and K.
     """
 
     def __init__(self, P, A, G, last=None):
-        """Lay out K for P (both triangles stored), A and G.
-
-        It shares the factors of `last` if that has the same pattern.
-        """
         self.n = P.indptr.size - 1
         self.size = self.n + A.indptr.size + G.indptr.size - 2
         entries = P.data.size + A.data.size + G.data.size + self.size
@@ -72,9 +65,8 @@ class KKT:
     def plan(self, condense=False, deadline=NEVER):
         """Return the factors, which are not computed yet if they are new.
 
-        With `condense` they may be those of P and the rows, condensed, where K~ is
-        definite in its first n rows and negative definite in the others. Raises
-        OutOfTime.
+        With `condense`, K~ is definite in its first n rows and negative definite in the
+        others. Raises OutOfTime.
         """
         if self.factors is None:
             n, rows = self.n, self.size - self.n
@@ -97,7 +89,7 @@ class KKT:
 class Condensed(Factors):
     """K~ with full rows by the Cholesky factor of S = P + dx + R'R, R = D C.
 
-    D^2 = 1 / (dy, dv). The rows are condensed by BLAS, some at a time.
+    D^2 = 1 / (dy, dv).
     """
 
     def __init__(self, indptr, indices, n):
@@ -148,10 +140,7 @@ class Condensed(Factors):
 
 
 def upper_triangle(P, A, G, indptr, indices, data):
-    """Write the upper triangle of K from P in CSC (both triangles), A and G in CSR.
-
-    indptr, indices and data take the triangle.
-    """
+    """Write the upper triangle of K from P in CSC (both triangles), A and G in CSR."""
     M: Columns
     n: Py_ssize_t = P.indptr.size - 1
     column, k = n, cython.cast(Py_ssize_t, 0)

@@ -1,3 +1,3 @@
 """The interior-point method for sparse QPs, with an active-set refinement."""
 
-from namlcp.qp.interior.solve import solve_interior
+from namlcp.qp.interior.loop import solve_interior

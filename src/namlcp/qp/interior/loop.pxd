@@ -1,7 +1,7 @@
 from namlcp.qp.interior.state cimport Interior
 
 cdef double LIFT, TOLERABLE, CLOSER, LEAST, INSIDE, LEAST_SLACK, LEAST_MULTIPLIER
-cdef double DROP, DROP_LARGE, CLOSE, NEAR, NEAR_MU, STEADY, STUCK, FAR, PASSES
+cdef double DROP, DROP_LARGE, CLOSE, NEAR, NEAR_MU, STEADY, FAR, PASSES
 cdef enum:
     REPORT = 1
     JUDGE = 2
@@ -9,9 +9,6 @@ cdef enum:
     PROVE = 8
     CLOCK = 16
     STOP = 32
-    DOUBT = 64
-    RESISTS = 30
-    IDLE = 20
     LARGE_KKT = 5_000
     MOST_RESTARTS = 2
     PATIENCE = 100

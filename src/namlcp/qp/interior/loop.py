@@ -1,19 +1,14 @@
-"""The loop of a regularised primal-dual interior-point method.
+"""A regularised primal-dual interior-point method: presolve, scale, iterate, map back.
 
 The iterates follow the central path W Z = mu, W the slacks and Z the multipliers of the
 one-sided constraints, for a positive semidefinite P and any rows. Each iteration
 factors one quasi-definite KKT matrix and makes Mehrotra's predictor and corrector
 (SIAM J. Optim. 2, 1992), one corrector of Gondzio (Comput. Optim. Appl. 6, 1996), and
-steps of separate length. An active-set refinement is tried near the solution; the judge
-measures candidates on unscaled data and keeps the best.
-
-A warm start that stagnates is followed by a cold start, a cold start that stagnates by
-one whose mu falls more slowly (`restart`).
+steps of separate length.
 
 What an iterate needs, as `look` says: REPORT: to be reported; JUDGE: measured on
 unscaled data; ACTIVE_SET: refined with its active set; PROVE: tested for a certificate;
-CLOCK: the time to be looked at; STOP: the end of the loop; DOUBT: the least shifts to
-be asked whether there is a feasible point.
+CLOCK: the time to be looked at; STOP: the end of the loop.
 """
 
 import cython
@@ -21,11 +16,11 @@ import numpy as np
 from cython.cimports.libc.math import INFINITY
 from cython.cimports.namlcp.linalg.sparse_ldl import as_array
 from cython.cimports.namlcp.linalg.vectors import copy, fill
-from cython.cimports.namlcp.qp.interior.active_set import refine
-from cython.cimports.namlcp.qp.interior.certificates import (
+from cython.cimports.namlcp.qp.interior.candidates import (
     PROMISING,
     find_proof,
     promises,
+    refine,
 )
 from cython.cimports.namlcp.qp.interior.newton import (
     DELTA,
@@ -38,15 +33,19 @@ from cython.cimports.namlcp.qp.interior.newton import (
 from cython.cimports.namlcp.qp.interior.state import EXACT, attach, offer
 from cython.cimports.namlcp.watch import is_over, look_at_clock, raise_kept
 
+from namlcp.checks import as_sparse
+from namlcp.limits import PASS
+from namlcp.qp.certificates import alone
+from namlcp.qp.transforms import ScaledQP, presolve
 from namlcp.status import Status
 
 # MOST_RESTARTS: most of them after cold starts. LIFT: the least target of W'Z, relative
 # to the gap, then. TOLERABLE: primal residual over its tolerance up to which a restart
 # relaxes right-hand sides.
 LIFT, TOLERABLE = 0.01, 0.5
-# Where an iterate meets the tolerances here and only its gap is refused by the judge,
-# as terms of the gap cancel in the user's sum, the least target of W'Z falls to the
-# part CLOSER of what it was, and at most to LEAST; the loop ends with MOST_REFUSED.
+# Where an iterate meets the tolerances and the judge refuses only its gap, as terms of
+# that cancel in the user's sum, the least target of W'Z falls to the part CLOSER, and
+# at most to LEAST; the loop ends after MOST_REFUSED of them.
 CLOSER, LEAST = 0.1, 1e-8
 # Slacks and multipliers of a warm start are at least INSIDE times the largest one, or
 # times LEAST_SLACK and LEAST_MULTIPLIER if these are larger.
@@ -56,29 +55,73 @@ INSIDE, LEAST_SLACK, LEAST_MULTIPLIER = 1e-2, 1.0, 1e-3
 # Gap over its tolerance up to which an iterate with small primal and dual residuals is
 # worth measuring on unscaled data, where the sums of the gap round differently.
 CLOSE = 1e3
-# An active-set refinement needs a worst residual, or a mean of W Z, below these.
-NEAR, NEAR_MU = 1e-2, 1e-7
-# The worst residual has to fall to this part of that at the last active-set refinement
-# before the next one, for small and for large K, with more than LARGE_KKT entries.
-DROP, DROP_LARGE = 0.1, 1e-3
-# Worst residual over its tolerance from which on a refinement needs an active set that
-# did not change in the last iteration.
-STEADY = 100.0
-# An iteration counts IDLE times in the patience if a step of full length leaves more
-# than the part STUCK of a large primal residual: the next steps will do no better.
-STUCK = 0.99
-# These are asked once, where the primal residual is FAR times its tolerance or more and
-# RESISTS iterations, counted like that, have not halved the worst one.
+# An active-set refinement needs a worst residual, or a mean of W Z, below these; a
+# worst residual that fell to the part DROP, for K with more than LARGE_KKT entries to
+# DROP_LARGE, since the last refinement; and from STEADY times the tolerance on an
+# active set that did not change in the last iteration.
+NEAR, NEAR_MU, DROP, DROP_LARGE, STEADY = 1e-2, 1e-7, 0.1, 1e-3, 100.0
+# Primal residual over its tolerance from which on a solve that stagnates asks the least
+# shifts, once, whether there is a feasible point.
 FAR = 10.0
 # Passes over the entries of L in one iteration, about.
 PASSES = 20.0
+FORM = "path"
+
+
+def solve_interior(qp, chain, guess, judge, memory):
+    """Solve a QP; ValueError if P is not positive semidefinite.
+
+    If the active set of the guess is the right one, no iteration is needed. `memory`
+    holds the factors of a problem solved before, and takes those of this one.
+    """
+    limits, deadline = judge.limits, judge.limits.deadline
+    for name in ("P", "G", "A") if qp.is_dense else ():
+        M = getattr(qp, name)
+        deadline.check(PASS * M.size)
+        qp = qp._replace(**{name: as_sparse(M)})
+    entries = qp.P.data.size + qp.G.data.size + qp.A.data.size
+    deadline.check()
+    memory.ensure_convex(qp.P, deadline)
+    found = alone(judge.qp, *limits.tolerances)
+    if found is not None:
+        message, proof = found
+        judge.keep(Status.PRIMAL_INFEASIBLE, proof)
+        return judge.answer(Status.PRIMAL_INFEASIBLE, 0, FORM, message)
+    if judge.is_solved:  # by an engine that could not tell whether P is convex
+        return judge.answer(Status.SOLVED, 0, FORM)
+    deadline.check(PASS * entries)
+    small = presolve(qp, *limits.tolerances, memory.presolved)
+    memory.presolved = small
+    if small.contradictions or not small.q.size:
+        answer = answer_of_presolve(small, chain, judge)
+        if answer is not None:
+            return answer
+    deadline.check(2.0 * PASS * entries)
+    problem = memory.scaled = ScaledQP(small, memory.scaled)
+    deadline.check()
+    m = Interior(problem, chain.then(small, problem), judge, limits)
+    if guess.x.size and try_guess(m, guess):
+        return judge.answer(Status.SOLVED, 0, FORM)
+    return judge.answer(run(m, guess), m.iterations, FORM)
+
+
+def answer_of_presolve(small, chain, judge):
+    """Return the answer where constraints contradict each other or no x is left."""
+    sizes = small.q.size, small.b.size, small.sides.shape, small.q.size
+    near = chain.then(small).point(*map(np.zeros, sizes))
+    for message, y, z in small.contradictions:
+        none = np.zeros(small.qp.q.size)
+        proof = chain.point(none, y, z, none, data=0.0)
+        if judge.accept_multipliers(near.x, proof.y, proof.z):
+            return judge.answer(Status.PRIMAL_INFEASIBLE, 0, FORM, message)
+    if small.q.size:
+        return None
+    judge.offer(near)
+    return judge.answer(Status.STALLED, 0, FORM)
 
 
 def run(m: Interior, guess):
-    """Iterate until solved, proved impossible, or out of iterations or time.
-
-    Returns the status; the judge has the point or the certificate.
-    """
+    """Iterate; return the status. The judge has the point or the certificate."""
     status = iterate(m, guess)
     if status is not Status.SOLVED and m.best < INFINITY:
         offer(m, m.best_x)
@@ -98,9 +141,8 @@ def iterate(m, guess):
     """Run the loop; return the status."""
     if is_late(m):  # before the first factorisation
         return Status.TIME_LIMIT
-    for k in range(4):
-        m.tested[k] = PROMISING
-    m.reports, m.doubts = m.limits.report is not None, m.judge.doubt is not None
+    m.tested[0] = m.tested[1] = PROMISING
+    m.reports = m.limits.report is not None
     m.is_warm = guess.x.size > 0 and start_warm(m, guess)
     while True:
         with cython.nogil:
@@ -129,13 +171,15 @@ def iterate(m, guess):
             return Status.TIME_LIMIT
         if not goes_on and m.iterations == 0:
             return Status.NUMERICAL_ERROR
+        if not m.is_warm and m.primal_ratio > FAR and m.judge.is_disproved():
+            return Status.PRIMAL_INFEASIBLE
         if not restart(m):
             return Status.STALLED
         m.iterations += 1
 
 
 def answer(m, wants):
-    """Do what the iterate needs; return the status if that ends the loop."""
+    """Give the iterate what it needs; return the status if that ends the loop."""
     if wants & REPORT:
         count = int(as_array(m.active, m.m).sum())
         length = min(m.step.primal, m.step.dual)
@@ -159,10 +203,6 @@ def answer(m, wants):
     if m.judge.is_solved:
         return Status.SOLVED
     verdict = find_proof(m) if wants & PROVE else None
-    if verdict is None and wants & DOUBT:
-        m.doubts = False
-        if m.judge.is_disproved():
-            return Status.PRIMAL_INFEASIBLE
     if verdict is None and m.iterations < m.max_iter and is_late(m):
         return Status.TIME_LIMIT
     if verdict is None and m.refused >= MOST_REFUSED:
@@ -177,14 +217,13 @@ def begin(m):
     """Forget how earlier iterates converged, and start with much regularisation."""
     m.since_halved, m.reference, m.last_refined = 0, INFINITY, INFINITY
     # no residual is stuck before there is one to compare it with
-    m.old_primal = m.old_primal_norm = m.old_dual_norm = INFINITY
+    m.old_primal_norm = m.old_dual_norm = INFINITY
     m.krylov_pays, m.attained = True, 0.0
     m.patience = WARM_PATIENCE if m.is_warm else PATIENCE
     m.rho, m.delta, m.wait = RHO, DELTA, 0
 
 
 def look(m):
-    """Return what the iterate needs."""
     wants: cython.int = REPORT if m.reports else 0
     if m.worst <= CLOSE and max(m.primal_ratio, m.dual_ratio) <= 1.0:
         wants |= JUDGE
@@ -196,13 +235,9 @@ def look(m):
         wants |= ACTIVE_SET
     if promises(m):
         wants |= PROVE
-    is_stuck: cython.bint = m.primal_ratio > CLOSE and m.primal > STUCK * m.old_primal
-    m.since_halved += IDLE if is_stuck and m.has_full_step else 1
-    m.old_primal = m.primal
+    m.since_halved += 1
     if m.worst <= 0.5 * m.reference:
         m.reference, m.since_halved = m.worst, 0
-    if m.doubts and m.since_halved > RESISTS and m.primal_ratio > FAR:
-        wants |= DOUBT
     stagnates: cython.bint = m.since_halved > m.patience or not m.worst < INFINITY
     if stagnates or m.iterations >= m.max_iter:
         wants |= STOP
@@ -212,7 +247,7 @@ def look(m):
 
 
 def mark_active(m):
-    """Mark the constraints with Z > W; tell whether they are those of last time."""
+    """Mark the constraints with Z > W; tell whether these were marked before."""
     same: cython.bint = True
     for k in range(m.m):
         is_active: cython.bint = m.Z[k] > m.W[k]

@@ -28,7 +28,6 @@ cdef void improve(Interior m) noexcept nogil
 cdef bint step(Interior m) noexcept nogil
 cdef bint predict(Interior m) noexcept nogil
 cdef void find_step(Interior m) noexcept nogil
-cdef void correct(Interior m) noexcept nogil
 cdef bint start(Interior m) noexcept nogil
 cdef void regularise(Interior m, double old_mu) noexcept nogil
 cdef void lower(Interior m, bint rho, bint delta) noexcept nogil

@@ -13,12 +13,9 @@ proximal terms rho, delta centred at the current point,
     dZ = omega (sign * dt[place] - tau),   dW = (rc - W dZ)/Z
 
 Residuals are measured as max |r_i| / max(1, |K~_ii|): rows of inactive constraints have
-diagonals of 1e10 and more, and would outweigh all others.
-
-Factors of a nearly singular K~ have a few wrong directions, on which refinement does
-not converge and GMRES (Y. Saad and M. Schultz, SIAM J. Sci. Stat. Comput. 7, 1986)
-needs a few steps. The factors precondition it from the right, so that the residuals
-that it makes small are those above.
+diagonals of 1e10 and more, and would outweigh all others. Factors of a nearly singular
+K~ have a few wrong directions, on which refinement does not converge and GMRES needs a
+few steps; with the factors as preconditioner from the right it reduces these residuals.
 
 rho and delta, on the diagonal of K~, belong to proximal terms around the current point:
 they shorten the steps but do not move the solution. They fall with mu to FLOOR. From
@@ -44,17 +41,15 @@ THIN = 1e-20
 # Largest correction of dZ for the error of the linear solve, relative to Z.
 MOST_LEFT = 0.1
 # Gondzio's corrector aims at steps (1 + LENGTHENED) a + LENGTHENED and at products W Z
-# there between LEAST_PRODUCT and MOST_PRODUCT times the target.
-LENGTHENED, LEAST_PRODUCT, MOST_PRODUCT = 0.08, 0.1, 10.0
-# Gondzio's corrector is tried if the sum of the primal and the dual step is below the
-# first, and kept if the sum grows by the second.
-LONG, GAIN = 1.8, 0.02
+# there between LEAST_PRODUCT and MOST_PRODUCT times the target. It is tried if the sum
+# of the primal and the dual step is below LONG, and kept if that grows by GAIN.
+LENGTHENED, LEAST_PRODUCT, MOST_PRODUCT, LONG, GAIN = 0.08, 0.1, 10.0, 1.8, 0.02
 # FACTORISATIONS: those tried for one step, each with more regularisation.
 # Fraction of the longest feasible step that is taken; a step has full length if the sum
 # of the primal and the dual one exceeds FULL.
 SHORT, FULL = 0.99, 1.9
-# If all scaled slacks and multipliers of the first solve are at most NEGLIGIBLE, all
-# start from START_VALUE instead.
+# If all slacks and multipliers of the first solve are at most NEGLIGIBLE, all start
+# from START_VALUE instead.
 NEGLIGIBLE, START_VALUE = 1e-4, 0.1
 # Where a refinement step did not reduce the residual, later refinements end at
 # ABOVE_ATTAINED times that residual, which counts as the tolerance at most and is
@@ -64,18 +59,15 @@ ABOVE_ATTAINED, FORGET = 2.0, 0.9
 SMALL_RHS = 1e-8
 # Relative residual after refinement above which GMRES is tried, KRYLOV_STEPS of it.
 GMRES_ABOVE = 1e-6
-# A new product of this size, relative to what it was before others were taken out, is
-# rounding.
+# Part of a new product, once the earlier ones are taken out, that is rounding alone.
 BREAKDOWN = 1e-14
-# rho and delta at the start.
-RHO, DELTA = 1e-6, 1e-4
-# rho and delta fall with mu down to FLOOR; then accurate solves, or steps without
-# inequalities, lower them down to LOWEST. A bad solve raises them tenfold, up to TOP.
-FLOOR, LOWEST, TOP = 1e-7, 1e-16, 1e-6
+# rho and delta at the start. They fall with mu down to FLOOR; then accurate solves, or
+# steps without inequalities, lower them down to LOWEST. A bad solve raises them
+# tenfold, up to TOP, and for WAIT iterations they are not lowered.
+RHO, DELTA, FLOOR, LOWEST, TOP = 1e-6, 1e-4, 1e-7, 1e-16, 1e-6
 # Relative residuals above which a solve is bad, and below which it is accurate; the
 # latter after a step of full length, too, whose remainder is due to rho and delta.
 POOR, ACCURATE, ACCURATE_FULL = 1e-5, 1e-8, 1e-6
-# WAIT: iterations without lowering after a bad solve.
 # Scaled dual residual up to which rho is not held responsible for it.
 NEGLIGIBLE_RESIDUAL = 1e-12
 # A residual has to become smaller above NEEDED times its tolerance, and above BEHIND
@@ -103,8 +95,7 @@ def multiply(m, x, v, Px, Ctv, t):
 def evaluate(m):
     """Set the residuals of the iterate, their norms and ratios; keep the best iterate.
 
-    rd = Px + q + C'v + z_box, rp = Ax - b, rw = sign t[place] - c + W. The numbers of
-    `Residuals` are unscaled and measure the violation without W.
+    rd = Px + q + C'v + z_box, rp = Ax - b, rw = sign t[place] - c + W.
     """
     n, t, unit = m.n, m.t, m.unit
     fill(m.v, 0.0, m.size)
@@ -205,7 +196,7 @@ def set_right_side(m):
 
 
 def factor(m):
-    """Set row_size; factor K~ unless its factors are at hand; tell if that succeeds."""
+    """Factor K~ unless its factors are at hand; tell if that succeeds."""
     is_known: cython.bint = True
     for j in range(m.size):
         m.row_size[j] = max(1.0, abs(m.data[m.indptr[j + 1] - 1]))
@@ -223,7 +214,7 @@ def factor(m):
 
 
 def weighted_norm(r, weight, size):
-    """Return max |r_i| / weight_i, NaN if an entry is."""
+    """Return max |r_i| / weight_i, NaN if an entry is NaN."""
     worst = 0.0
     for i in range(size):
         value = abs(r[i]) / weight[i]
@@ -284,9 +275,9 @@ def accept(m, error):
 def improve(m):
     """Reduce the residual r of du by GMRES, where it can be halved.
 
-    It has the form of generalised conjugate residuals (S.C. Eisenstat, H.C. Elman and
-    M.H. Schultz, SIAM J. Numer. Anal. 20, 1983): each step solves for what is left, and
-    the products of K~ with all corrections, over row_size, are made orthonormal.
+    In the form of generalised conjugate residuals (S.C. Eisenstat, H.C. Elman and M.H.
+    Schultz, SIAM J. Numer. Anal. 20, 1983) each step solves for what is left, and the
+    products of K~ with all corrections, over row_size, are made orthonormal.
     """
     size, weight, trial, r = m.size, m.row_size, m.trial, m.trial_r
     if m.krylov == cython.NULL:
@@ -419,7 +410,15 @@ def step(m):
         return False
     error = m.step.error
     if m.m > 0:
-        correct(m)
+        aim_at_centre(m)
+        find_step(m)
+    if m.m > 0 and m.step.primal + m.step.dual < LONG:
+        aim_at_longer_step(m)
+        m.step, m.other = m.other, m.step
+        find_step(m)
+        longer = m.step.primal + m.step.dual
+        if not longer >= m.other.primal + m.other.dual + GAIN:
+            m.step, m.other = m.other, m.step
     m.step.error = max(m.step.error, error)
     move(m)
     m.iterations += 1
@@ -446,19 +445,6 @@ def find_step(m):
     set_right_side(m)
     solve(m)
     set_step(m)
-
-
-def correct(m):
-    """Make his corrector, then Gondzio's where the steps are short."""
-    aim_at_centre(m)
-    find_step(m)
-    if m.step.primal + m.step.dual < LONG:
-        aim_at_longer_step(m)
-        m.step, m.other = m.other, m.step
-        find_step(m)
-        longer = m.step.primal + m.step.dual
-        if not longer >= m.other.primal + m.other.dual + GAIN:
-            m.step, m.other = m.other, m.step
 
 
 def start(m):

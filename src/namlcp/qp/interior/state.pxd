@@ -34,32 +34,42 @@ cdef class Interior(Watched):
         double *dv, *dt, *Pdx, *Ctdv
         # Linear solves (`newton`): sums of omega, max(1, |K~_ii|), the right-hand side,
         # the residual and the solution of the last solve, another solution and its
-        # residual; the vectors of GMRES, once it is needed.
+        # residual; the vectors of GMRES, once it is needed, and whether it halved the
+        # residual when it was last tried.
         double *weight, *row_size, *rhs, *r, *answer, *trial, *trial_r, *krylov
+        double rhs_norm
+        bint krylov_pays
         # Relative residuals of the candidates for certificates, now and at the last test.
-        double ratios[4]
-        double tested[4]
-        # The active-set system (`active_set`): the point where it starts, with its active
+        double ratios[2]
+        double tested[2]
+        # The active-set system (`candidates`): the point where it starts, with its active
         # set, and the one found, with the next set; its unknowns, those of the least
-        # residual, the right-hand side of rows; flags of what is held.
+        # residual, the right-hand side of rows; flags of what is held; its
+        # regularisation, and the largest violation of a slack or multiplier, unscaled;
+        # whether it was factored, whether its residual fell tenfold, whether the next
+        # active set is another.
         double *start, *found, *u, *least_u, *goal, *held
+        double regularisation, set_violation
+        bint is_factored, converged, set_changed
         # Tolerances, the larger one, and the relative residual that ends a refinement;
         # that at which refinement last came to a halt.
         double eps_abs, eps_rel, tol, accuracy, attained
         readonly Py_ssize_t iterations, max_iter
-        bint reports, doubts
-        # The mean of W Z, norms of the scaled residuals rd, rp and rw; |x'rd| and
-        # |y'rp + Z'rw|, the shares of the residuals in the gap; the unscaled residuals, as
-        # in `Residuals`, and these over their tolerances.
-        double mu, dual_norm, row_norm, slack_norm, dual_share, primal_share
-        double primal, dual, gap, gap_size
+        bint reports
+        # The mean of W Z, norms of the scaled residuals, and these one iteration before;
+        # |x'rd| and |y'rp + Z'rw|, the shares of the residuals in the gap; the unscaled
+        # residuals, as in `Residuals`, and these over their tolerances.
+        double mu, dual_norm, row_norm, slack_norm, old_dual_norm, old_primal_norm
+        double dual_share, primal_share, primal, dual, gap, gap_size
         double primal_ratio, dual_ratio, gap_ratio
-        # The largest of the three, inf for NaN; the least one since the last restart.
-        double worst, best
+        # The largest of the three, inf for NaN; the least one since the last restart, the
+        # one at the last active-set refinement, and the one that must be halved, with the
+        # iterations since it was and the most of them.
+        double worst, best, last_refined, reference
+        Py_ssize_t since_halved, patience
         # W'Z after the longest steps; the target of W Z; its least values over the gap,
-        # and over the tolerance of that.
+        # and over the tolerance of that; iterates of which the judge refused the gap.
         double product, target, lift, least_target
-        # Iterates within the tolerances whose gap the judge refused.
         Py_ssize_t refused
         # Largest change of x, and of y and Z, by the last step; whether that had full
         # length.
@@ -68,23 +78,6 @@ cdef class Interior(Watched):
         # Regularisation, and iterations left without lowering it.
         readonly double rho, delta
         Py_ssize_t wait
-        # Of a linear solve: norm of the right-hand side; whether GMRES halved the residual
-        # when it was last tried.
-        double rhs_norm
-        bint krylov_pays
-        # Worst ratio that must be halved, iterations since it was, some counted as
-        # IDLE ones, and most of them; the primal residual one iteration before.
-        double reference, old_primal
-        Py_ssize_t since_halved, patience
-        # Worst ratio at the last active-set refinement.
-        double last_refined
-        # Norms of the residuals one iteration before.
-        double old_dual_norm, old_primal_norm
-        # The active-set system: its regularisation, and the largest violation of a slack
-        # or multiplier, unscaled; whether it was factored, whether its residual fell
-        # tenfold, whether the next active set is another.
-        double regularisation, set_violation
-        bint is_factored, converged, set_changed
         # Whether the start was warm; cold starts after the first.
         bint is_warm
         Py_ssize_t restarts

@@ -20,10 +20,12 @@ LEAST_TARGET = 0.01
 
 
 class Interior(Watched):
-    """A scaled problem, the iterate (x, y, W, Z), and what an iteration computes."""
+    """A scaled problem, the iterate (x, y, W, Z), and what an iteration computes.
+
+    problem: a `ScaledQP`; chain: the way from the user's QP to that.
+    """
 
     def __init__(self, problem, chain, judge, limits):
-        """Take a `ScaledQP`, the way to the user's QP, the judge, and when to stop."""
         self.problem, self.chain = problem, chain
         self.judge, self.limits = judge, limits
         self.kkt = problem.kkt
@@ -60,36 +62,29 @@ class Interior(Watched):
 
 
 def reals(m, count):
-    """Return the place of the next numbers; without memory that only counts them."""
+    """Return the place of the next numbers; before there is memory, count them."""
     found = cython.cast(cython.p_double, m.memory + m.memory_end)
     m.memory_end += 8 * (count + 1)
     return found
 
 
 def lay_out(m):
-    """Give every vector its place.
-
-    Points are x, y, Z and the flags of the active constraints, one after another.
-    """
+    """Give every vector its place; parts of a point follow one another."""
     n, p, size = m.n, m.p, m.size
     m.x, m.best_x = reals(m, m.length), reals(m, m.length)
     m.start, m.found = reals(m, m.length), reals(m, m.length)
     m.y, m.Z, m.active = m.x + n, m.x + n + p, m.x + n + p + m.m
     m.rd, m.Px, m.Ctv, m.rp = reals(m, n), reals(m, n), reals(m, n), reals(m, p)
     m.W, m.rw, m.rc = reals(m, m.m), reals(m, m.m), reals(m, m.m)
-    m.tau, m.omega, m.v, m.t = (
-        reals(m, m.m),
-        reals(m, m.m),
-        reals(m, size),
-        reals(m, size),
-    )
-    m.step.dW, m.step.dZ, m.other.dW = reals(m, m.m), reals(m, m.m), reals(m, m.m)
-    m.other.dZ, m.step.du, m.other.du = reals(m, m.m), reals(m, size), reals(m, size)
-    m.dv, m.dt, m.Pdx, m.Ctdv = reals(m, size), reals(m, size), reals(m, n), reals(m, n)
+    m.tau, m.omega = reals(m, m.m), reals(m, m.m)
+    m.step.dW, m.step.dZ, m.step.du = reals(m, m.m), reals(m, m.m), reals(m, size)
+    m.other.dW, m.other.dZ, m.other.du = reals(m, m.m), reals(m, m.m), reals(m, size)
+    m.v, m.t, m.dv = reals(m, size), reals(m, size), reals(m, size)
     m.weight, m.row_size, m.rhs = reals(m, size), reals(m, size), reals(m, size)
-    m.r, m.answer = reals(m, size), reals(m, size)
-    m.trial, m.trial_r, m.u = reals(m, size), reals(m, size), reals(m, size)
-    m.least_u, m.goal, m.held = reals(m, size), reals(m, size), reals(m, size)
+    m.r, m.answer, m.u = reals(m, size), reals(m, size), reals(m, size)
+    m.trial, m.trial_r, m.least_u = reals(m, size), reals(m, size), reals(m, size)
+    m.goal, m.held, m.dt = reals(m, size), reals(m, size), reals(m, size)
+    m.Pdx, m.Ctdv = reals(m, n), reals(m, n)
 
 
 def attach(m):

@@ -4,6 +4,5 @@
 back to the problem before the transform, `guess` forward; see `namlcp.qp.route.Chain`.
 """
 
-from namlcp.qp.transforms.presolve import Presolved, presolve
+from namlcp.qp.transforms.reductions import Substitution, presolve, substitute
 from namlcp.qp.transforms.scaling import ScaledQP, equilibrate
-from namlcp.qp.transforms.substitution import Substitution, substitute

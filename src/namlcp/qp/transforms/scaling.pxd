@@ -19,4 +19,6 @@ cdef void equilibrate_parts(
     double* units, double* largest,
 ) noexcept nogil
 cdef void note_entries(const Matrix* M, const double* rows, const double* columns, double* of_rows, double* of_columns) noexcept nogil
+cdef Py_ssize_t first_of(const Matrix* M, Py_ssize_t line) noexcept nogil
+cdef (Py_ssize_t, Py_ssize_t) place_of(const Matrix* M, Py_ssize_t line, Py_ssize_t t) noexcept nogil
 cpdef int even_out(const int[::1] indptr, const int[::1] indices, const double[::1] data, double[::1] scale) except -1

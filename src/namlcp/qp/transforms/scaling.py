@@ -1,8 +1,8 @@
 """Scaling: the presolved QP in equilibrated form, and the exact way back.
 
-Symmetric Ruiz scaling of K = [[P, C'], [C, 0]], C = [A; G]: ROUNDS rounds divide rows
-and columns by the square roots of their largest entries, until those are nearly 1
-(D. Ruiz, RAL-TR-2001-034). With d the factors of the columns and e those of the rows,
+Symmetric Ruiz scaling of K = [[P, C'], [C, 0]], C = [A; G]: rounds divide rows and
+columns by the square roots of their largest entries, until those are nearly 1 (D. Ruiz,
+RAL-TR-2001-034). With d the factors of the columns and e those of the rows,
 x = d x_scaled, y = e y_scaled, z_box = z_box_scaled / d; the cost is not scaled.
 The result depends on how K was scaled before: a linear program, in whose K no entry of
 P ties the units of the columns to the cost, is first scaled by `even_out`.
@@ -22,15 +22,14 @@ from cython.cimports.namlcp.linalg.vectors import copy, fill
 from namlcp.entries import constant
 from namlcp.qp.kkt import KKT
 
-# Most rounds of `equilibrate`, and the largest |1 - largest entry| that ends it: with
-# 1e-3 there are twice as many rounds, and as many iterations; with 0.1 two problems of
-# the Maros-Meszaros collection need more restarts.
+# The largest |1 - largest entry| that ends the rounds: with 1e-3 there are twice as
+# many, and as many iterations; with 0.1 two problems of the Maros-Meszaros collection
+# need more restarts.
 EQUAL = 0.03
 # Range of the products of the factors of all rounds, against over- and underflow.
 LEAST_FACTOR, MOST_FACTOR = 1e-8, 1e8
-# SWEEPS: those of `even_out` over rows and columns; with 4 of them, bnl2 of the Netlib
-# collection takes 338 iterations in place of 35.
-# Largest |log| of a factor of `even_out`.
+# Largest |log| of a factor of `even_out`. With 4 of its SWEEPS over rows and columns,
+# bnl2 of the Netlib collection takes 338 iterations in place of 35.
 LARGEST = 20.0
 
 
@@ -39,11 +38,11 @@ class ScaledQP:
 
     The one-sided constraints are the `finite` ones of the upper and lower sides of all
     rows, then of the upper and lower bounds. `small` is the presolved problem; the
-    scaled P, A and G are kept in `kkt` alone.
+    scaled P, A and G are kept in `kkt` alone. The matrices of `last` are not scaled
+    again.
     """
 
     def __init__(self, small, last=None):
-        """Scale the presolved problem; the matrices of `last` are not scaled again."""
         n, p = small.q.size, small.b.size
         self.small = small
         self.kkt: KKT
@@ -126,8 +125,7 @@ def find_finite(side, n, p):
 def equilibrate(indptr, indices, data, scale):
     """Equilibrate a symmetric matrix (upper triangle in CSC); overwrite data and scale.
 
-    `scale` has factors to begin with, which are not in `data` yet, or 1; it is clipped
-    to [LEAST_FACTOR, MOST_FACTOR]; an empty row keeps its factor.
+    `scale` has factors to begin with, which are not in `data` yet, or 1.
     """
     K: Matrix
     size: Py_ssize_t = scale.size
@@ -148,7 +146,8 @@ def equilibrate(indptr, indices, data, scale):
 def equilibrate_parts(P, A, G, n, p, m, units, largest):
     """Multiply units, of x, y and z, by factors that equilibrate K.
 
-    P may be its upper triangle; parts that are NULL count as 0. largest: work space.
+    P may be its upper triangle; parts that are NULL count as 0, and an empty row keeps
+    its factor. largest: work space.
     """
     size = n + p + m
     for _ in range(ROUNDS):
@@ -171,20 +170,22 @@ def equilibrate_parts(P, A, G, n, p, m, units, largest):
 def note_entries(M, rows, columns, of_rows, of_columns):
     """Note the largest entries of the rows and columns of M scaled by two vectors."""
     for line in range(0 if M == cython.NULL else M.lines):
-        if M.starts == cython.NULL:
-            row, factor, most = M.values + line * M.width, rows[line], of_rows[line]
-            for j in range(M.width):
-                value = fabs(row[j]) * columns[j] * factor
-                of_columns[j] = max(of_columns[j], value)
-                most = max(most, value)
-            of_rows[line] = most
-            continue
-        factor = columns[line]
-        for t in range(M.starts[line], M.starts[line + 1]):
-            i = M.others[t]
-            value = fabs(M.values[t]) * factor * rows[i]
+        for t in range(first_of(M, line), first_of(M, line + 1)):
+            i, j = place_of(M, line, t)
+            value = fabs(M.values[t]) * columns[j] * rows[i]
             of_rows[i] = max(of_rows[i], value)
-            of_columns[line] = max(of_columns[line], value)
+            of_columns[j] = max(of_columns[j], value)
+
+
+def first_of(M, line):
+    return line * M.width if M.starts == cython.NULL else M.starts[line]
+
+
+def place_of(M, line, t):
+    """Return the row and the column of an entry."""
+    if M.starts == cython.NULL:
+        return line, t - line * M.width
+    return M.others[t], line
 
 
 def even_out(indptr, indices, data, scale):

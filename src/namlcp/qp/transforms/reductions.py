@@ -1,31 +1,46 @@
-"""Presolve: redundant rows and fixed variables are dropped, and mapped back.
+"""A QP with fewer variables and rows: presolve and substitution, and the way back.
 
 The presolved problem has ranges, lower <= Gx <= upper, and neither infinite, empty or
 proportional rows nor fixed variables (lb = ub). Rows c g'x <= d beside g'x <= h are
 sides of one range, equations c a'x = d beside a'x = b one equation; the first row of
 each such group, found by hashing, is its leader. The multipliers of dropped rows are
 zero, those of fixed variables follow from stationarity.
+
+Modelling languages give every residual of a least-squares cost a variable of its own.
+A column t without bounds that has the cost p t^2/2 + q_t t, p >= 0, and one entry a_it,
+in row i of A, is substituted together with that row:
+
+    t = (b_i - a_i'x) / a_it,  y_i = -(p t + q_t) / a_it,
+    P + (p/a_it^2) a_i a_i',   q - (p b_i/a_it + q_t) / a_it a_i
+
+y_i follows from stationarity in t. Columns are substituted only where the products
+a_i a_i' do not fill P.
 """
 
 from typing import NamedTuple
 
 import cython
 import numpy as np
+from cython import Py_ssize_t
 from cython.cimports.libc.math import INFINITY, fabs, floor
 from cython.cimports.libc.string import memcpy
+from cython.cimports.namlcp.linalg.arrays import numbers
+from cython.cimports.namlcp.linalg.csc import Columns, take_columns
 from scipy.sparse import csc_array, csr_array
 
 from namlcp.checks import from_arrays, no_rows
 from namlcp.entries import constant
+from namlcp.limits import NEVER, PASS
 from namlcp.linalg import (
     add_transposed,
     arrays_of,
     by_rows,
     submatrix,
     times,
+    with_squares,
     without_zeros,
 )
-from namlcp.qp.problem import QP, Point
+from namlcp.qp.problem import QP, Guess, Point, check_convex
 
 # Largest ub - lb of a fixed variable, relative to max(1, |lb|).
 FIXED = 1e-12
@@ -34,13 +49,17 @@ SAME = 1e-13
 # The weight of column j in the key of a row is 1 plus the fractional part of j times
 # the golden ratio, which differs from that of any nearby column.
 GOLDEN = 0.6180339887498949
+# Least |a_it|, relative to the largest entry of its row, against rounding errors.
+PIVOT = 1e-3
+# FILL, SMALL: most entries that the products a_i a_i' may add to P, for each entry of
+# the rows that they replace, and in addition. SHORT: most entries of a_i for which
+# a_i a_i' has no more than the removed row and column.
 
 
 class Groups(NamedTuple):
-    """Which rows of a matrix are kept, and which are multiples of others.
+    """Row i of a matrix is ratio[i] times the first row of its group, first[number[i]].
 
-    Row i is ratio[i] times the first row of its group, row first[number[i]]. number[i]
-    is UNWANTED or EMPTY for a row that was not wanted or is empty.
+    number[i] is UNWANTED or EMPTY for a row that was not wanted or is empty.
     """
 
     number: np.ndarray
@@ -49,13 +68,12 @@ class Groups(NamedTuple):
 
 
 class Presolved(NamedTuple):
-    """The smaller problem of `qp` and the way back to it.
+    """min 1/2 x'Px + q'x, A x = b, -sides[1] <= G x <= sides[0], lb <= x <= ub.
 
-    min 1/2 x'Px + q'x, A x = b, -sides[1] <= G x <= sides[0], lb <= x <= ub; A and G in
-    CSR. `kept` and `fixed` are columns of `qp`. `side_of` are the rows of qp.G that
-    give `sides`, -1 for none, `b_of` the rows of qp.A with the extreme right-hand sides
-    of an equation; b lies between. `contradictions` are reasons, (message, y, z) with
-    multipliers of rows as proof.
+    A and G are in CSR. `kept` and `fixed` are columns of `qp`. `side_of` are the rows
+    of qp.G that give `sides`, -1 for none, `b_of` the rows of qp.A with the extreme
+    right-hand sides of an equation; b lies between. `contradictions` are reasons,
+    (message, y, z) with multipliers of rows as proof.
     """
 
     qp: QP
@@ -77,7 +95,7 @@ class Presolved(NamedTuple):
     G_groups: Groups
 
     def guess(self, guess):
-        """Return (x, y, z, z_box, active) of a guess for `qp`; z: of `sides`, (2, m).
+        """Return (x, y, z, z_box, active) of a guess; z: of `sides`, (2, m).
 
         active: whether these sides, upper and lower bounds are.
         """
@@ -92,10 +110,9 @@ class Presolved(NamedTuple):
         return guess.x[self.kept], y.sum(0), z, guess.z_box[self.kept], active
 
     def point(self, x, y, z, z_box, data=1.0):
-        """Return the point of `qp`; z_box of a fixed variable makes its residual 0.
+        """Return the point of `qp`; the two extreme rows of an equation share its y.
 
-        z: of `sides`, (2, m). The multipliers of dropped rows are 0; the two extreme
-        rows of an equation share its y so that b'y does not change.
+        z: of `sides`, (2, m).
         """
         qp, (full, y_full, z_full, _) = self.qp, self.qp.point()
         share_out(y, self.b_of, self.A_groups.ratio, y_full)
@@ -185,9 +202,9 @@ def between(ends, rows, ratio):
 
 
 def merged(name, groups, values, tol):
-    """Return the sides of each group of rows of A or G, and the rows that give them.
+    """Return the sides of each group of rows, the rows that give them, contradictions.
 
-    Contradictions are returned, too: messages and multipliers.
+    These are messages and multipliers.
     """
     equal, (number, ratio, first) = name == "A", groups
     found = []
@@ -211,10 +228,7 @@ def merged(name, groups, values, tol):
 
 
 def leading_rows(M, columns, wanted):
-    """Return the leaders of the wanted rows of M[:, columns] in CSR, and the groups.
-
-    Stored zeros are dropped.
-    """
+    """Return the leaders of the wanted rows of M[:, columns] in CSR, and the groups."""
     number = constant(wanted.size, UNWANTED, np.int32)
     ratio = constant(wanted.size, 1.0)
     rows = wanted.nonzero()[0]
@@ -233,14 +247,13 @@ def leading_rows(M, columns, wanted):
 
 
 def group_rows(indptr, indices, data, key, table, number, ratio, first):
-    """Group the rows of a CSR matrix that are proportional; keep their leaders.
+    """Group the rows of a CSR matrix that are proportional; return how many groups.
 
-    Returns the number of groups. number, ratio and first are overwritten as in
-    `Groups`, and the matrix by its leaders; `key` by the bits of their keys in single
-    precision, so that rounding errors seldom change them; `table`, -1 on entry, is a
-    hash table of groups with open addressing. The key of a row is sum |a_ij| w_ij /
-    |first a_ij| with the weights of GOLDEN, plus 1 where the signs of a_ij and of the
-    first entry differ.
+    number, ratio and first are overwritten as in `Groups`, the matrix by its leaders,
+    `key` by the bits of their keys in single precision, so that rounding errors seldom
+    change them; `table`, -1 on entry, is a hash table with open addressing. The key of
+    a row is sum |a_ij| w_ij / |first a_ij| with the weights of GOLDEN, plus 1 where the
+    signs of a_ij and of the first entry differ.
     """
     mask: cython.longlong = table.shape[0] - 1
     kept: cython.int = 0
@@ -307,11 +320,11 @@ def wrong_empty_row(number, sides, equal, tol):
 
 
 def merge_rows(number, ratio, sides, equal, tol, least, giver):
-    """Merge rows c g'x <= d_i, or = d_i if `equal`, to one range for each group.
+    """Merge the rows of each group, c g'x <= d or = d, to -least[1] <= g'x <= least[0].
 
-    That is -least[1] <= g'x <= least[0]; `giver` takes the rows that give these sides,
-    -1 for none. Returns the first group without a point in its range, both sides
-    widened by `tol` in the units of their rows, or -1.
+    `giver` takes the rows that give these sides, -1 for none. Returns the first group
+    without a point in its range, both sides widened by `tol` in the units of their
+    rows, or -1.
     """
     count = least.shape[1]
     for half in range(2):
@@ -329,3 +342,176 @@ def merge_rows(number, ratio, sides, equal, tol, least, giver):
             if least[0, k] + least[1, k] < -wide:
                 return k
     return -1
+
+
+# ---- substitution of free columns
+
+
+class Substitution(NamedTuple):
+    """The QP `user` without the free `columns`, substituted by the rows `by` of A.
+
+    a_it is `pivot`, p is `cost`, and `rest` is A[by, kept]. The columns `kept` and the
+    rows `others` of A remain.
+    """
+
+    user: QP
+    kept: np.ndarray
+    columns: np.ndarray
+    by: np.ndarray
+    pivot: np.ndarray
+    cost: np.ndarray
+    others: np.ndarray
+    rest: csc_array
+    P: csc_array
+    G: csc_array
+    A: csc_array
+
+    @property
+    def problem(self):
+        user, kept = self.user, self.kept
+        q = user.q[kept]
+        slope = self.cost * user.b[self.by] / self.pivot + user.q[self.columns]
+        add_transposed(self.rest, -slope / self.pivot, q)
+        b, lb, ub = user.b[self.others], user.lb[kept], user.ub[kept]
+        return QP(self.P, q, self.G, user.h, self.A, b, lb, ub)
+
+    def point(self, x, y, z, z_box, data=1.0):
+        user, by, columns = self.user, self.by, self.columns
+        x_full, y_full, _, box = user.point()
+        x_full[self.kept], y_full[self.others], box[self.kept] = x, y, z_box
+        x_full[columns] = data * user.b[by] / self.pivot
+        x_full[columns] -= times(self.rest, x) / self.pivot
+        gradient = self.cost * x_full[columns] + data * user.q[columns]
+        y_full[by] = -gradient / self.pivot
+        return Point(x_full, y_full, z, box)
+
+    def guess(self, guess):
+        if not guess.x.size:
+            return guess
+        m, n, kept = self.user.h.size, self.user.q.size, self.kept
+        at_row, at_lb, at_ub = np.split(guess.active, (m, m + n))
+        active = np.concatenate((at_row, at_lb[kept], at_ub[kept]))
+        return Guess(
+            guess.x[kept], guess.y[self.others], guess.z, guess.z_box[kept], active
+        )
+
+
+def substitute(qp, last=None, deadline=NEVER):
+    """Return the `Substitution` of a sparse QP; None if there is none, or lb > ub.
+
+    The matrices of `last` are reused if qp has the same matrices and the same infinite
+    bounds. Raises OutOfTime.
+    """
+    if last is not None and (
+        qp.has_matrices_of(last.user)
+        and np.array_equal(np.isinf(qp.lb), np.isinf(last.user.lb))
+        and np.array_equal(np.isinf(qp.ub), np.isinf(last.user.ub))
+    ):
+        return last._replace(user=qp)
+    deadline.check(PASS * qp.A.data.size)
+    n, m, p = qp.q.size, qp.h.size, qp.b.size
+    chosen, (pivot, cost, work) = np.empty(p, dtype=np.int32), np.empty((3, p))
+    find_free_columns(qp, chosen, pivot, cost, work)
+    by = (chosen >= 0).nonzero()[0]
+    if not by.size or not (qp.lb <= qp.ub).all():
+        return None
+    deadline.check(PASS * qp.A.data.size)
+    others, columns = (chosen < 0).nonzero()[0], chosen[by]
+    pivot, cost = pivot[by], cost[by]
+    stays = constant(n, True, np.bool_)
+    stays[columns] = False
+    kept = stays.nonzero()[0]
+    P, G, A = (without_zeros(M) for M in (qp.P, qp.G, qp.A))
+    rest = submatrix(A, by, kept)
+    # the squares added below would hide negative curvature
+    check_convex(qp.P, deadline)
+    deadline.check()
+    priced = cost.nonzero()[0]
+    squared = submatrix(rest, priced, np.arange(kept.size))
+    weight = cost[priced] / pivot[priced] ** 2
+    P = with_squares(submatrix(P, kept, kept), squared, weight, deadline)
+    return Substitution(
+        qp, kept, columns, by, pivot, cost, others, rest,
+        P, submatrix(G, np.arange(m), kept), submatrix(A, others, kept),
+    )  # fmt: skip
+
+
+def find_free_columns(qp, chosen, pivot, cost, largest):
+    """Choose the free columns with the largest entry in their row.
+
+    Row i of A substitutes column chosen[i], none where that is -1; pivot and cost take
+    the entry and p. All these (p,) are overwritten.
+    """
+    P: Columns
+    G: Columns
+    A: Columns
+    n: Py_ssize_t = qp.q.size
+    some: cython.bint = False
+    take_columns(qp.P, n, cython.address(P))
+    take_columns(qp.G, n, cython.address(G))
+    take_columns(qp.A, n, cython.address(A))
+    lb, ub = numbers(qp.lb, n), numbers(qp.ub, n)
+    for i in range(chosen.shape[0]):
+        chosen[i] = -1
+        pivot[i], cost[i], largest[i] = 0.0, 0.0, 0.0
+    for j in range(n):
+        if lb[j] > -INFINITY or ub[j] < INFINITY:
+            continue
+        t = only_entry(cython.address(A), j)
+        if t < 0 or only_entry(cython.address(G), j) != NO_ENTRY:
+            continue
+        i = A.indices[t]
+        s = only_entry(cython.address(P), j)
+        if s == SEVERAL or (s >= 0 and (P.indices[s] != j or P.data[s] < 0.0)):
+            continue
+        if fabs(A.data[t]) > fabs(pivot[i]):
+            chosen[i], pivot[i] = j, A.data[t]
+            cost[i] = P.data[s] if s >= 0 else 0.0
+            some = True
+    if some:
+        for t in range(A.indptr[n]):
+            i = A.indices[t]
+            largest[i] = max(largest[i], fabs(A.data[t]))
+        for i in range(chosen.shape[0]):
+            if fabs(pivot[i]) < PIVOT * largest[i]:
+                chosen[i], cost[i] = -1, 0.0
+        drop_filling_rows(cython.address(A), n, chosen, cost)
+    return 0
+
+
+def only_entry(C, j):
+    """Return where the only nonzero entry of column j is, or NO_ENTRY, or SEVERAL."""
+    found: Py_ssize_t = NO_ENTRY
+    for t in range(C.indptr[j], C.indptr[j + 1]):
+        if C.data[t] != 0.0:
+            if found != NO_ENTRY:
+                return SEVERAL
+            found = t
+    return found
+
+
+def drop_filling_rows(A, n, chosen, cost):
+    """If the squares of all rows with p > 0 fill P, set chosen[i] = -1 in long ones."""
+    rows = chosen.shape[0]
+    count: cython.longlong[::1] = np.zeros(rows, np.longlong)
+    lengths: cython.longlong = 0
+    squares: cython.longlong = 0
+    width: cython.longlong = 0
+    for j in range(n):
+        is_met: cython.bint = False
+        for t in range(A.indptr[j], A.indptr[j + 1]):
+            if A.data[t] != 0.0 and cost[A.indices[t]] > 0.0:
+                count[A.indices[t]] += 1
+                is_met = True
+        width += is_met
+    for i in range(rows):
+        if cost[i] > 0.0:
+            length = count[i] - 1
+            lengths += length
+            squares += length * length
+            width -= 1  # the column that goes
+    if min(squares, width * width) > FILL * lengths + SMALL:
+        for i in range(rows):
+            if count[i] - 1 > SHORT:
+                chosen[i] = -1
+    return 0
