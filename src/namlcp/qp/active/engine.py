@@ -35,34 +35,29 @@ from cython.cimports.namlcp.linalg.dense import (
 from cython.cimports.namlcp.linalg.vectors import add_four, add_scaled, copy, dot, fill
 from cython.cimports.namlcp.watch import Watched, is_over
 
-from namlcp.options import DEFAULT_OPTIONS
-
-USUAL = DEFAULT_OPTIONS.max_iter
 # A row depends on the active ones if the squared length of its part orthogonal to them,
 # in the metric of the responses, over its own is at most DEPENDENT; for rows of a hint,
 # which need not be right, DEPENDENT_HINT.
 DEPENDENT, DEPENDENT_HINT = 1e-11, 1e-6
 # Violations over the moduli of their terms up to which they count as rounding at first.
 # This `level` grows tenfold where a violation below NOISE * level contradicts the
-# active rows; above MOST_ROUNDING the method gives up. The larger numbers are those of
-# the `rounds` for a P without a factor, whose base point is far away.
+# active rows; above MOST_ROUNDING the method gives up. The larger numbers are for a P
+# without a factor, whose base point is far away.
 VIOLATION_ROUNDING, NOISE, MOST_ROUNDING = 1e-13, 1e3, 1e-9
 ROUND_ROUNDING, MOST_ROUND_ROUNDING = 1e-12, 1e-7
 # Rounding of s over the largest entry of s0 from which it was subtracted: what is left
 # at a vertex x = 0. Rows that are active are allowed `level` of it.
 BASE_ROUNDING = 4e-16
 # MOST_NUMBERS: most numbers that all responses may take, 64 MB; there are no more
-# active rows. A limit of USUAL pivots is not the user's choice, and is exceeded up to
-# GROWN per row and variable; see also m.most_operations.
-# MOST_SORTED: most active rows for which L is computed anew at the end, which takes
-# k^3 / 6 operations.
+# active rows. MOST_SORTED: most active rows for which L is computed anew at the end,
+# which takes k^3 / 6 operations.
 
 
 class ActiveSet(Watched):
-    """A QP, its active rows, and what is kept from solve to solve.
+    """A QP, its active rows, and what is kept from solve to solve, in one allocation.
 
-    All in one allocation. A subclass has the operators, the first methods, and vectors
-    of its own; one with another form of the active rows has the others, too.
+    A subclass has the operators, the first methods, and vectors of its own; one with
+    another form of the active rows has the others, too.
     """
 
     def __dealloc__(self):
@@ -93,8 +88,8 @@ class ActiveSet(Watched):
     def begin(self):
         """Set the base solution; keep the active rows of the last QP, or of a hint.
 
-        These less lost sides, and rows of a hint that depend on others. False if the
-        factors do not allow it.
+        Less those without a side now, and rows of a hint that depend on others. False
+        if the factors do not allow it.
         """
         set_base_values(self)
         self.operations = 0.0
@@ -143,11 +138,11 @@ class ActiveSet(Watched):
         return True
 
     def set_multipliers(self):
-        """Set mu = S^-1 (s0_F - d_F)."""
         for i in range(self.k):
             row = self.active[i]
             self.multiplier[i] = self.s0[row] - goal_of(self, row, self.side[row])
-        solve_active(self, self.multiplier)
+        triangle_solve(self.triangle, self.k, self.multiplier)
+        triangle_solve_transposed(self.triangle, self.k, self.multiplier)
 
     def finish(self):
         """Step 3: mu and s as functions of the active rows alone; False if these fail.
@@ -165,16 +160,14 @@ class ActiveSet(Watched):
         return True
 
     def set_point_values(self):
-        """Set s = s0 - sum mu_i w_i."""
         copy(self.s0, self.s, self.length)
         subtract_responses(self, self.multiplier, self.k, self.s)
 
 
 def reals(m, count):
-    """Return the place of the next `count` numbers of the memory.
+    """Return the place of the next `count` numbers; without memory, only count them.
 
-    Without memory, at first, that only counts them. All begin a multiple of 32 bytes
-    after the first ones, as loops over them take longer else.
+    All begin a multiple of 32 bytes after the first ones: loops take longer else.
     """
     found = cython.cast(cython.p_double, m.memory + m.memory_end)
     m.memory_end += (8 * count + 39) // 32 * 32
@@ -186,7 +179,6 @@ def indices(m, count):
 
 
 def lay_out_rows(m):
-    """Give the vectors of any storage their places; m.most is set."""
     n, p = m.n, m.p
     rows = m.m + n
     length = rows + p
@@ -247,7 +239,6 @@ def is_pinned(m, row):
 
 
 def response_of(m, row):
-    """Return the response to a row, which has been made."""
     return m.responses + m.length * m.place[row]
 
 
@@ -278,7 +269,6 @@ def forget_responses(m):
 
 
 def forget_rows(m):
-    """Begin the next solve without active rows."""
     for i in range(m.k + m.hints):
         m.side[m.active[i]] = 0
     m.k, m.hints = 0, 0
@@ -304,23 +294,11 @@ def subtract_responses(m, factor, k, s):
         i += 1
 
 
-def solve_active(m, v):
-    """Overwrite v by S^-1 v."""
-    triangle_solve(m.triangle, m.k, v)
-    triangle_solve_transposed(m.triangle, m.k, v)
-
-
 def subtract_active(m, values):
     """Set m.work = S^-1 m.work, and values -= sum of m.work_i w_i over active rows."""
-    solve_active(m, m.work)
+    triangle_solve(m.triangle, m.k, m.work)
+    triangle_solve_transposed(m.triangle, m.k, m.work)
     subtract_responses(m, m.work, m.k, values)
-
-
-def hold_active(m, values):
-    """Set m.work = S^-1 values_F and subtract these responses: then values_F = 0."""
-    for i in range(m.k):
-        m.work[i] = values[m.active[i]]
-    subtract_active(m, values)
 
 
 def rest_of(m, row):
@@ -349,7 +327,6 @@ def is_independent(m, row, rest, limit):
 
 
 def insert_place(m, at, row, side, multiplier):
-    """Put a row into the list of active ones."""
     for j in range(m.k, at, -1):
         m.active[j], m.multiplier[j] = m.active[j - 1], m.multiplier[j - 1]
     m.active[at], m.multiplier[at] = row, multiplier
@@ -359,7 +336,6 @@ def insert_place(m, at, row, side, multiplier):
 
 
 def remove_place(m, i):
-    """Take row number i out of the list of active ones."""
     m.side[m.active[i]] = 0
     for j in range(i, m.k - 1):
         m.active[j], m.multiplier[j] = m.active[j + 1], m.multiplier[j + 1]
@@ -371,7 +347,6 @@ def remove_place(m, i):
 
 
 def set_base_values(m):
-    """Set s0, the base solution, with the proximal term of the centre if there is W."""
     for j in range(m.n):
         m.rhs[j] = -m.q[j]
     if m.rho != 0.0:
@@ -500,8 +475,7 @@ def pivot(m):
             if m.entering < 0:
                 return DONE
             m.pivots += 1
-            most = max(USUAL, GROWN * m.rows) if m.max_iter == USUAL else m.max_iter
-            if m.pivots > most:
+            if m.pivots > m.max_iter:
                 return STUCK
         operations = (m.k + 2) * (m.length + m.k)
         if is_over(m, operations):
