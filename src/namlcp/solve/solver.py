@@ -2,11 +2,10 @@
 
 The active-set method of `qp/active` is tried first: it keeps what it computes, and
 begins with the active constraints of the last solution. What it does not decide goes
-the way of `solve_qp`, which can use of the solves before what depends on matrices alone
-(transforms, orders, factors: `Memory`) and the last point that solved the problem
-(`Guess`). An answer SOLVED has been judged on the data as they are now, so it stands,
-however it was found; any other of the general solve is replaced by the answer of a
-solve without memory, which is the one of `solve_qp`.
+the way of `solve_qp`, with the last point that solved the problem and what depends on
+the matrices alone (`Memory`). An answer SOLVED has been judged on the data as they are
+now, so it stands; any other is replaced by that of a solve without memory, which is the
+one of `solve_qp`.
 """
 
 from math import inf
@@ -14,7 +13,7 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csc_array, issparse
+from scipy.sparse import issparse
 
 from namlcp.checks import as_sparse, from_arrays, matrix, real_array, refuse_view
 from namlcp.limits import Deadline
@@ -126,12 +125,8 @@ class Solver(metaclass=Public):
 
     def hold_matrices(self, qp: QP, given: tuple[Any, ...]) -> None:
         """Take the matrices of a checked QP, `given` in the user's own storage."""
-        self.matrices = qp.P, qp.G, qp.A
-        self.given = tuple(  # the QP's own where they are stored alike
-            own if type(own) is csc_array and has_pattern_of(M, own) else M
-            for M, own in zip(given, self.matrices, strict=True)
-        )
-        self.is_own = are_own(self.given, qp)
+        self.matrices, self.given = (qp.P, qp.G, qp.A), given
+        self.is_own = are_own(given, qp)
 
     def begin(self) -> None:
         """Keep nothing of earlier solves but the last result."""
@@ -145,14 +140,12 @@ class Solver(metaclass=Public):
         self.is_renewed = False
         # Solves that it has tried in a row and left to others; those that are left to
         # these from now on without trying.
-        self.left, self.pause = 0, 0.0
-        self.is_whole = True  # not after an error in a solve
+        self.left, self.pause = 0, inf if self.active_set is None else 0.0
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: vars(self)[name] for name in STATE}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Keep nothing of another Solver's solves but its last result."""
         vars(self).update(state)
         self.begin()
 
@@ -225,10 +218,11 @@ class Solver(metaclass=Public):
         self.hold_matrices(qp, tuple(given.values()))
         self.memory.convex = qp.P
         self.is_renewed = True
-        if self.pause == inf:  # the old ones were not suited
-            self.pause = 0.0
-        if self.active_set is not None and active.is_slow_anew(self.active_set):
-            self.pause = max(self.pause, 1.0)  # others are quicker with new ones
+        if self.active_set is not None:
+            if self.pause == inf:  # the old ones were not suited
+                self.pause = 0.0
+            if active.is_slow_anew(self.active_set):  # others are quicker with new ones
+                self.pause = max(self.pause, 1.0)
 
     def solve(self, warm_start: Any = None, derivative: bool = False) -> QPResult:
         """Solve the problem as it is now.
@@ -265,63 +259,53 @@ class Solver(metaclass=Public):
         start = perf_counter()
         if derivative is not False:
             check_flag("derivative", derivative)
+        m, options, result, guess = self.active_set, self.options, None, None
         try:
-            if not self.is_whole:
-                self.begin()
-            guess = None
             if warm_start is not None:
                 guess = make_guess(self.qp, None, warm_start)
-            result = self.solve_by_active_set(guess, start, derivative)
+                if m is not None:
+                    active.suggest(m, guess)
+            if self.pause > 0.0 or options.verbose:
+                self.pause = max(self.pause - 1.0, 0.0)
+            else:
+                if self.is_renewed:  # not before: a pause goes on with other values
+                    self.is_renewed = False
+                    active.renew(m, self.qp)
+                problem = self.matrices, self.vectors, self.given
+                result = active.step(
+                    m, QPResult, self.vectors, problem, options.settings, start
+                )
+                if result is None or not self.is_own:
+                    result = self.judged(start)
+                elif not derivative:
+                    self.left, self.last = 0, result
+                    return result
+                if derivative and result is not None and self.qp.is_dense:
+                    result.factors = active.factors_of(m)
             if result is None:
                 result = self.solve_in_general(guess, start)
         except BaseException:
-            self.is_whole = False  # so the next solve begins anew
+            self.begin()  # as some of what is kept may be half done
             raise
         if result.status is SOLVED:
             self.last = result
         return result
 
-    def solve_by_active_set(
-        self, guess: Guess | None, start: float, derivative: bool
-    ) -> QPResult | None:
-        """Return the result of what is kept; None if it fails, or pauses."""
-        m, options = self.active_set, self.options
-        if m is None or options.verbose:
+    def judged(self, start: float) -> QPResult | None:
+        """Return the result of what `active` has tried, None where others are asked."""
+        m, qp, options = self.active_set, self.qp, self.options
+        self.left = self.left + 1 if m.code == Code.STUCK else 0
+        self.pause = PAUSES[min(self.left, len(PAUSES) - 1)] if m.is_ready else inf
+        limits = options.limits(Deadline(start + options.time_limit))
+        answer = active.answer_of(m, Judge(qp, limits, self.given), NO_TRANSFORMS)
+        if answer is None or answer.status not in ENDS:
             return None
-        if guess is not None:
-            active.suggest(m, guess)
-        if self.pause > 0:
-            self.pause -= 1
-            return None
-        if self.is_renewed:  # not before: a pause goes on with other values
-            self.is_renewed = False
-            active.renew(m, self.qp)
-        problem = self.matrices, self.vectors, self.given
-        result = active.step(
-            m, QPResult, self.vectors, problem, options.settings, start
-        )
-        if result is None or not self.is_own:
-            self.left = self.left + 1 if m.code == Code.STUCK else 0
-            self.pause = PAUSES[min(self.left, len(PAUSES) - 1)] if m.is_ready else inf
-            qp, limits = self.qp, options.limits(Deadline(start + options.time_limit))
-            answer = active.answer_of(m, Judge(qp, limits, self.given), NO_TRANSFORMS)
-            if answer is None or answer.status not in ENDS:
-                return None
-            if options.relaxation and answer.status is Status.PRIMAL_INFEASIBLE:
-                return None  # the general solve finds the closest point
-            result = qp_result(answer, (qp, self.given), start, start)
-        else:
-            self.left = 0
-        is_dense = type(self.matrices[0]) is np.ndarray
-        if derivative and is_dense and result.status is SOLVED:
-            result.factors = active.factors_of(m)
-        return result
+        if options.relaxation and answer.status is Status.PRIMAL_INFEASIBLE:
+            return None  # the general solve finds the closest point
+        return qp_result(answer, (qp, self.given), start, start)
 
     def solve_in_general(self, guess: Guess | None, start: float) -> QPResult:
-        """Return the result of a solve from a guess, or else the last result.
-
-        If that is undecided, from nothing.
-        """
+        """Return the result of a solve from a guess, the last result, or nothing."""
         qp, options, given = self.qp, self.options, self.given
         if guess is None:
             guess = make_guess(qp, None, self.last)
