@@ -54,7 +54,7 @@ def stamp_of(parts):
     rare chance.
     """
     total = cython.cast(cython.ulonglong, 0)
-    for part in parts:
+    for part in cython.cast(tuple, parts):
         if part is not None:
             array: cnp.ndarray = part if cnp.PyArray_CheckExact(part) else part.data
             total = hash_of(data_of(array), cnp.PyArray_SIZE(array), total)

@@ -17,6 +17,7 @@ from cython.cimports.libc.math import INFINITY, fabs, sqrt
 from cython.cimports.libc.string import memcpy
 from cython.cimports.namlcp.limits import Settings
 from cython.cimports.namlcp.linalg.arrays import (
+    are_places,
     data_of,
     fits,
     new_vector,
@@ -38,9 +39,10 @@ from cython.cimports.namlcp.qp.active.engine import (
 from cython.cimports.namlcp.qp.active.null import NullSpace
 from cython.cimports.namlcp.qp.active.rounds import NO_WEIGHT
 from cython.cimports.namlcp.qp.active.sparse import SparseActiveSet
-from cython.cimports.namlcp.qp.intake import is_finite, is_side, rows_of, stamp_of
+from cython.cimports.namlcp.qp.intake import is_finite, is_side, stamp_of
 from cython.cimports.namlcp.result_base import Numbers, ResultBase, new_result
 from cython.cimports.namlcp.watch import begin_watch, raise_kept
+from scipy.sparse import csc_array, csc_matrix
 
 from namlcp.options import DEFAULT_OPTIONS
 from namlcp.qp import problem
@@ -231,18 +233,29 @@ def tiny_form(C, n):
 
     The same where there is no such matrix.
     """
-    if C is None or n * n > TINY_ENTRIES:
+    if type(C) is not csc_array and type(C) is not csc_matrix:
         return None
-    rows = rows_of(C, n, False)
-    if rows < 0 or n * (n + rows) > TINY_ENTRIES:
+    data, indices, indptr = C.data, C.indices, C.indptr
+    if not (fits(data, 1) and are_places(indices) and are_places(indptr)):
         return None
-    start, value = places(C.indptr, n + 1), data_of(C.data)
-    at = places(C.indices, start[n])
+    rows: Py_ssize_t = C.shape[0]
+    nnz: Py_ssize_t = cnp.PyArray_DIM(data, 0)
+    if cnp.PyArray_DIM(indptr, 0) != n + 1 or n * (n + rows) > TINY_ENTRIES:
+        return None
+    start, at, value = places(indptr, n + 1), places(indices, nnz), data_of(data)
+    if start[0] != 0 or start[n] != nnz:
+        return None
     found = new_zeros(rows, n)
     out = data_of(found)
     for j in range(n):
+        before = -1
+        if start[j + 1] < start[j] or start[j + 1] > nnz:
+            return None
         for t in range(start[j], start[j + 1]):
-            out[at[t] * n + j] = value[t]
+            if at[t] <= before or at[t] >= rows:
+                return None  # not canonical, or corrupt
+            before = at[t]
+            out[before * n + j] = value[t]
     return found
 
 
