@@ -55,7 +55,6 @@ from cython.cimports.namlcp.qp.active.rounds import (
     NO_WEIGHT,
     RHO,
     is_faulty,
-    refine_contradiction,
     set_shape,
     solve_at_hand,
     wanted_rho,
@@ -407,9 +406,11 @@ def contradicts_equations(m):
     fill(m.y, 0.0, m.p)
     fill(m.z, 0.0, m.m)
     m.y[at] = 1.0
-    k, m.k, m.entering = m.k, 0, -1
-    refine_contradiction(m)
-    m.k = k
+    for _ in range(2):  # A'y = 0, and refined
+        fill(m.rhs, 0.0, m.n + m.p)
+        add_times_transposed(m.A, m.p, m.n, m.y, m.rhs)
+        m.set_values(m.rhs, m.change)
+        add_scaled(-1.0, m.change + m.rows, m.y, m.p)
     if dot(m.b, m.y, m.p) > 0.0:
         for i in range(m.p):
             m.y[i] = -m.y[i]

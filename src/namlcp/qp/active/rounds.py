@@ -54,7 +54,6 @@ from cython.cimports.namlcp.linalg.vectors import (
 from cython.cimports.namlcp.measure import Terms
 from cython.cimports.namlcp.measure import measure as measure_terms
 from cython.cimports.namlcp.qp.active.engine import (
-    CONTRADICTION,
     DONE,
     LATE,
     MOVED,
@@ -75,11 +74,10 @@ from cython.cimports.namlcp.qp.active.engine import (
 from namlcp import checks
 from namlcp.linalg import columns
 
-# Nothing is refined where residuals over the moduli of their terms are at most
-# ACCURATE, and the residuals themselves at most RESERVE times the absolute tolerance;
-# or no more than their own rounding error, which is ROUNDING over these moduli, and at
-# most a tenth of the tolerance, a half for the gap, which refinement hardly changes.
-ACCURATE, RESERVE, ROUNDING = 1e-12, 0.05, 4e-15
+# A point is refined until its residuals over the moduli of their terms are at most
+# ACCURATE, and within tolerance by ROUNDING of these moduli, which the sums may have
+# lost.
+ACCURATE, ROUNDING = 1e-12, 4e-15
 # The factor by which each of the CORRECTIONS has to lower the error.
 GAIN = 0.5
 # In place of 0 where a size is divided by; what is infinite beside sides of about 1.
@@ -135,18 +133,13 @@ def solve_at_hand(m):
     """Solve the QP at the pointers of m, whose factors are there."""
     m.entering, m.level = -1, VIOLATION_ROUNDING
     if m.rho != 0.0:
-        found = solve_by_rounds(m)
-    elif m.begin() and drop_wrong_signs(m):
-        found = pivot(m)
-        if found == DONE and not m.finish():
-            found = STUCK
-        if found == DONE or found == LATE:
-            found = judge(m, found)
-    else:
-        found = STUCK
-    if found == CONTRADICTION and not m.on_face:
-        refine_contradiction(m)
-    return found
+        return solve_by_rounds(m)
+    if not (m.begin() and drop_wrong_signs(m)):
+        return STUCK
+    found = pivot(m)
+    if found == DONE and not m.finish():
+        return STUCK
+    return judge(m, found) if found == DONE or found == LATE else found
 
 
 def solve_by_rounds(m):
@@ -256,22 +249,6 @@ def measure(m):
     )
 
 
-def is_low(m, residual, size, most_reserve):
-    """Tell whether a residual is far below its tolerance, or due to rounding."""
-    rounding = min(ROUNDING * size, most_reserve * m.eps_abs)
-    return m.eps_abs <= 0.0 or residual <= max(RESERVE * m.eps_abs, rounding)
-
-
-def is_accurate(m, error):
-    found = cython.address(m.found)
-    return (
-        error <= ACCURATE
-        and is_low(m, found.primal, found.primal_size, 0.1)
-        and is_low(m, found.dual, found.dual_size, 0.1)
-        and is_low(m, found.gap, found.gap_size, 0.5)
-    )
-
-
 def are_within(m, rounding):
     """Tell whether the residuals are within tolerance with that much of their terms."""
     found, eps = cython.address(m.found), m.eps_abs
@@ -315,14 +292,6 @@ def set_change(m):
     subtract_active(m, m.work, m.change)
 
 
-def set_held_change(m):
-    """Set m.change to K^-1 m.rhs less a sum of m.work_i w_i: 0 at active rows."""
-    m.set_values(m.rhs, m.change)
-    for i in range(m.k):
-        m.work[i] = m.change[m.active[i]]
-    subtract_active(m, m.work, m.change)
-
-
 def take_change(m):
     add_scaled(1.0, m.change, m.s, m.length)
     add_scaled(1.0, m.work, m.multiplier, m.k)
@@ -337,13 +306,14 @@ def judge(m, found):
         before, error = error, measure(m)
         if found == LATE:
             return LATE
+        is_fine: cython.bint = error <= ACCURATE and are_within(m, ROUNDING)
         if not error < before:
             if before == INFINITY:  # there is no better point to go back to
                 return STUCK
             m.s, m.best = m.best, m.s
             m.multiplier, m.best_multiplier = m.best_multiplier, m.multiplier
             error, passes = INFINITY, 0
-        elif passes > 0 and error <= GAIN * before and not is_accurate(m, error):
+        elif passes > 0 and error <= GAIN * before and not is_fine:
             if m.on_face:  # which the other form refines
                 return STUCK
             copy(m.s, m.best, m.length)
@@ -489,7 +459,10 @@ def is_ray(m):
     for _ in range(RAY_PASSES):
         for j in range(n):
             m.rhs[j] = m.weight[j] * ray[j]
-        set_held_change(m)
+        m.set_values(m.rhs, m.change)
+        for i in range(m.k):
+            m.work[i] = m.change[m.active[i]]
+        subtract_active(m, m.work, m.change)
         copy(m.change + m.m, ray, n)
         for i in range(m.k):
             if m.active[i] >= m.m:
@@ -505,31 +478,6 @@ def is_ray(m):
     if not (dot(m.q, ray, n) < 0.0 and ratio <= MOST_CURVED):
         return False
     return longest_step(m, m.change) == INFINITY
-
-
-# ---- certificates
-
-
-def refine_contradiction(m):
-    """Refine y and z, multipliers that contradict the rows: G'z + A'y = 0 off bounds.
-
-    Rows with multipliers are active, or entering. P does not matter here.
-    """
-    for _ in range(REFINEMENTS):
-        m.set_products(False)
-        for j in range(m.n):
-            m.rhs[j] = -(m.Gtz[j] + m.Aty[j])
-        fill(m.rhs + m.n, 0.0, m.p)
-        for i in range(m.k):
-            if m.active[i] >= m.m:
-                m.rhs[m.active[i] - m.m] = 0.0
-        if m.entering >= m.m:
-            m.rhs[m.entering - m.m] = 0.0
-        set_held_change(m)
-        for i in range(m.k):
-            if m.active[i] < m.m:
-                m.z[m.active[i]] += m.work[i]
-        add_scaled(1.0, m.change + m.rows, m.y, m.p)
 
 
 # ---- the weights
