@@ -449,8 +449,10 @@ class QPResult(Single, ResultBase):
         """The active constraints and factors of `backward` and `forward`."""
         base: Any = self  # its other attributes are those of compiled code
         qp, given = problem_of(self)
-        if base.stamp is not None and base.stamp != stamp_of(qp):
-            raise ValueError(CHANGED)
+        if base.stamp is not None:
+            as_given = base.problem if len(base.problem) == len(qp) else qp
+            if base.stamp != stamp_of(as_given):
+                raise ValueError(CHANGED)
         if base.kept is None:
             point = Point(self.x, self.y, self.z, self.z_box)
             base.kept = QPDerivative(qp, point, given, base.factors)

@@ -17,6 +17,7 @@ from namlcp import Solver, Status, solve_batch, solve_qp
 from namlcp.qp import make_guess, qp_data
 from namlcp.qp.active.solve import answer_of, kept_for, solve
 from namlcp.qp.judge import Judge
+from namlcp.qp.route import NO_TRANSFORMS
 
 INF = np.inf
 
@@ -94,7 +95,7 @@ def by_active_set(qp, **settings):
     for step in () if kept is None else (qp._replace(q=qp.q + 1.0), qp):
         until = perf_counter() + options.time_limit
         solve(kept, step.joined(), options.settings, until)
-        found = answer_of(kept, Judge(step, options.limits()))
+        found = answer_of(kept, Judge(step, options.limits()), NO_TRANSFORMS)
     if found is not None:
         fields = found._asdict() | found.point._asdict()
         found = SimpleNamespace(**fields)

@@ -43,10 +43,7 @@ LOOK = 0.1
 
 
 def unanswered(size: int, qp: QP) -> SimpleNamespace:
-    """Return the fields of `BatchResult` for QPs of these sizes, still to be written.
-
-    closest: the `Nearest` of infeasible items, or its `ClosestPoint`.
-    """
+    """Return the fields of `BatchResult` for QPs of these sizes, not yet written."""
     n, p, m = qp.q.size, qp.b.size, qp.h.size
     x, y, z, z_box = (np.empty((size, k)) for k in (n, p, m, n))
     kinds = np.int8, float, [(k, float) for k in Residuals._fields], np.int64, "U12"
@@ -58,7 +55,6 @@ def unanswered(size: int, qp: QP) -> SimpleNamespace:
 
 
 def put(found: SimpleNamespace, i: int, answer: Outcome) -> None:
-    """Write the answer to item i."""
     found.codes[i] = STATUSES.index(answer.status)
     found.x[i], found.y[i], found.z[i], found.z_box[i] = answer.point
     found.obj[i] = OBJECTIVE.get(answer.status, answer.residuals.objective)
@@ -151,10 +147,7 @@ class Items:
 def solve_items(
     items: Items, starts: Sequence[Any] | None, options: Options, threads: int
 ) -> SimpleNamespace:
-    """Solve all items on threads; `starts`: the warm start of each, if there are.
-
-    Returns the fields of `BatchResult`.
-    """
+    """Return the fields of `BatchResult`; `starts`: warm starts of items, or None."""
     found = unanswered(items.size, items.shared)
 
     def solve_one(i: int) -> None:

@@ -15,11 +15,11 @@ from cython.cimports.namlcp.entries import (
     sparse_asymmetry,
 )
 from cython.cimports.namlcp.linalg.arrays import are_long, are_places, data_of, fits
+from cython.cimports.namlcp.linalg.vectors import hash_of
 from scipy.sparse import csc_array, csc_matrix
 
 from namlcp import checks
 from namlcp.entries import from_arrays
-from namlcp.linalg.arrays import stamp_of_arrays
 from namlcp.qp.problem import QP, absent_parts, qp_arrays, repaired
 
 cnp.import_array()
@@ -47,15 +47,18 @@ def qp_data(P, q, G, h, A, b, lb, ub):
     return qp if is_clean(P, q, G, h, A, b, lb, ub) else repaired(qp)
 
 
-def stamp_of(qp):
+def stamp_of(parts):
     """Return a hash of the numbers of a QP, of sparse matrices without their places.
 
-    Two QPs of one stamp are the same but for a rare chance.
+    parts: a QP, or the clean arguments of one. Two of one stamp are the same but for a
+    rare chance.
     """
-    P, q, G, h, A, b, lb, ub = qp
-    if not cnp.PyArray_CheckExact(P):
-        P, G, A = P.data, G.data, A.data
-    return stamp_of_arrays((P, G, A, q, h, b, lb, ub))
+    total = cython.cast(cython.ulonglong, 0)
+    for part in cython.cast(tuple, parts):
+        if part is not None:
+            array: cnp.ndarray = part if cnp.PyArray_CheckExact(part) else part.data
+            total = hash_of(data_of(array), cnp.PyArray_SIZE(array), total)
+    return total
 
 
 def shortened(M):

@@ -2,11 +2,10 @@
 
 The active-set method of `qp/active` is tried first: it keeps what it computes, and
 begins with the active constraints of the last solution. What it does not decide goes
-the way of `solve_qp`, which can use of the solves before what depends on matrices alone
-(transforms, orders, factors: `Memory`) and the last point that solved the problem
-(`Guess`). An answer SOLVED has been judged on the data as they are now, so it stands,
-however it was found; any other of the general solve is replaced by the answer of a
-solve without memory, which is the one of `solve_qp`.
+the way of `solve_qp`, with the last point that solved the problem and what depends on
+the matrices alone (`Memory`). An answer SOLVED has been judged on the data as they are
+now, so it stands; any other is replaced by that of a solve without memory, which is the
+one of `solve_qp`.
 """
 
 from math import inf
@@ -14,7 +13,7 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csc_array, issparse
+from scipy.sparse import issparse
 
 from namlcp.checks import as_sparse, from_arrays, matrix, real_array, refuse_view
 from namlcp.limits import Deadline
@@ -25,9 +24,9 @@ from namlcp.qp.active import solve as active
 from namlcp.qp.active.engine import Code
 from namlcp.qp.judge import Judge, are_own
 from namlcp.qp.problem import check_convex
-from namlcp.qp.route import is_small
+from namlcp.qp.route import NO_TRANSFORMS, is_small
 from namlcp.results import Public, QPResult, qp_result
-from namlcp.status import ENDS, Outcome, Status
+from namlcp.status import ENDS, Status
 
 SOLVED = Status.SOLVED
 # What a copy shares and a pickle holds: arrays that never change.
@@ -126,33 +125,27 @@ class Solver(metaclass=Public):
 
     def hold_matrices(self, qp: QP, given: tuple[Any, ...]) -> None:
         """Take the matrices of a checked QP, `given` in the user's own storage."""
-        self.matrices = qp.P, qp.G, qp.A
-        self.given = tuple(  # the QP's own where they are stored alike
-            own if type(own) is csc_array and has_pattern_of(M, own) else M
-            for M, own in zip(given, self.matrices, strict=True)
-        )
-        self.is_own = are_own(self.given, qp)
+        self.matrices, self.given = (qp.P, qp.G, qp.A), given
+        self.is_own = are_own(given, qp)
 
     def begin(self) -> None:
         """Keep nothing of earlier solves but the last result."""
         qp = self.qp
-        self.sizes = qp.q.size, qp.h.size, qp.b.size
+        self.sizes = tuple(v.size for v in (qp.q, qp.h, qp.b, qp.lb, qp.ub))
         self.memory = Memory(qp.P)
         # What solves, see `qp.active`, None if that is nothing for these matrices;
-        # whether it has still to take new ones; whether it found `last`.
+        # whether it has still to take new ones.
         suits = not qp.is_dense or is_small(qp)
         self.active_set: Any = active.kept_for(qp) if suits else None
-        self.is_renewed = self.is_current = False
+        self.is_renewed = False
         # Solves that it has tried in a row and left to others; those that are left to
         # these from now on without trying.
-        self.left, self.pause = 0, 0.0
-        self.is_whole = True  # not after an error in a solve
+        self.left, self.pause = 0, inf if self.active_set is None else 0.0
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: vars(self)[name] for name in STATE}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Keep nothing of another Solver's solves but its last result."""
         vars(self).update(state)
         self.begin()
 
@@ -197,10 +190,11 @@ class Solver(metaclass=Public):
         >>> solver.solve().x
         array([2.])
         """
-        vectors = active.updated(self.vectors, self.sizes, q, h, b, lb, ub)
+        parts = q, h, b, lb, ub
+        vectors = active.updated(self.vectors, parts, self.sizes)
         if vectors is None:
-            changes = {"q": q, "h": h, "b": b, "lb": lb, "ub": ub}
-            new = {name: v for name, v in changes.items() if v is not None}
+            changes = zip(("q", "h", "b", "lb", "ub"), parts, strict=True)
+            new = {name: v for name, v in changes if v is not None}
             vectors = qp_data(**{**self.qp._asdict(), **new}).joined()
         if not (P is None and G is None and A is None):
             self.take_matrices({"P": P, "G": G, "A": A})
@@ -223,11 +217,12 @@ class Solver(metaclass=Public):
             check_convex(qp.P)
         self.hold_matrices(qp, tuple(given.values()))
         self.memory.convex = qp.P
-        self.is_renewed, self.is_current = True, False
-        if self.pause == inf:  # the old ones were not suited
-            self.pause = 0.0
-        if self.active_set is not None and active.is_slow_anew(self.active_set):
-            self.pause = max(self.pause, 1.0)  # others are quicker with new ones
+        self.is_renewed = True
+        if self.active_set is not None:
+            if self.pause == inf:  # the old ones were not suited
+                self.pause = 0.0
+            if active.is_slow_anew(self.active_set):  # others are quicker with new ones
+                self.pause = max(self.pause, 1.0)
 
     def solve(self, warm_start: Any = None, derivative: bool = False) -> QPResult:
         """Solve the problem as it is now.
@@ -264,84 +259,63 @@ class Solver(metaclass=Public):
         start = perf_counter()
         if derivative is not False:
             check_flag("derivative", derivative)
+        m, options, result, guess = self.active_set, self.options, None, None
         try:
-            if not self.is_whole:
-                self.begin()
-            result, is_tried = None, False
-            if self.is_current and self.is_own and warm_start is None:
-                is_tried = True
+            if warm_start is not None:
+                guess = make_guess(self.qp, None, warm_start)
+                if m is not None:
+                    active.suggest(m, guess)
+            if self.pause > 0.0 or options.verbose:
+                self.pause = max(self.pause - 1.0, 0.0)
+            else:
+                if self.is_renewed:  # not before: a pause goes on with other values
+                    self.is_renewed = False
+                    active.renew(m, self.qp)
                 problem = self.matrices, self.vectors, self.given
                 result = active.step(
-                    self.active_set, QPResult, self.vectors, problem,
-                    self.options.settings, start,
-                )  # fmt: skip
+                    m, QPResult, self.vectors, problem, options.settings, start
+                )
+                if result is None or not self.is_own:
+                    result = self.judged(start)
+                elif not derivative:
+                    self.left, self.last = 0, result
+                    return result
+                if derivative and result is not None and self.qp.is_dense:
+                    result.factors = active.factors_of(m)
             if result is None:
-                qp, guess = self.qp, None
-                if warm_start is not None:
-                    guess = make_guess(qp, None, warm_start)
-                answer = self.solve_with_care(qp, guess, start, is_tried)
-                result = qp_result(answer, (qp, self.given), start, start)
-            elif not derivative:
-                self.last = result
-                return result
+                result = self.solve_in_general(guess, start)
         except BaseException:
-            self.is_whole = False  # so the next solve begins anew
+            self.begin()  # as some of what is kept may be half done
             raise
         if result.status is SOLVED:
             self.last = result
-            if derivative and self.is_current and self.qp.is_dense:
-                result.factors = active.factors_of(self.active_set)
         return result
 
-    def solve_with_care(
-        self, qp: QP, guess: Guess | None, start: float, is_tried: bool
-    ) -> Outcome:
-        """Return the answer of what is kept, of the general solve where that fails.
+    def judged(self, start: float) -> QPResult | None:
+        """Return the result of what `active` has tried, None where others are asked."""
+        m, qp, options = self.active_set, self.qp, self.options
+        self.left = self.left + 1 if m.code == Code.STUCK else 0
+        self.pause = PAUSES[min(self.left, len(PAUSES) - 1)] if m.is_ready else inf
+        limits = options.limits(Deadline(start + options.time_limit))
+        answer = active.answer_of(m, Judge(qp, limits, self.given), NO_TRANSFORMS)
+        if answer is None or answer.status not in ENDS:
+            return None
+        if options.relaxation and answer.status is Status.PRIMAL_INFEASIBLE:
+            return None  # the general solve finds the closest point
+        return qp_result(answer, (qp, self.given), start, start)
 
-        That is one from the guess or the last result, then one from nothing.
-        """
-        m, options, given, answer = self.active_set, self.options, self.given, None
-        self.is_current = False
-        if m is not None and guess is not None:
-            active.suggest(m, guess)
-        if m is not None and not options.verbose:
-            answer = self.solve_by_active_set(qp, start, is_tried)
-        if answer is not None:
-            return answer
+    def solve_in_general(self, guess: Guess | None, start: float) -> QPResult:
+        """Return the result of a solve from a guess, the last result, or nothing."""
+        qp, options, given = self.qp, self.options, self.given
         if guess is None:
             guess = make_guess(qp, None, self.last)
         answer = solve_checked(qp, options, guess, start, None, self.memory, given)
         is_settled = answer.status in (SOLVED, Status.TIME_LIMIT)
         if not is_settled and answer.closest is None:
             answer = solve_checked(qp, options, NO_GUESS, start, given=given)
-        if m is not None and answer.status is SOLVED:
-            active.suggest(m, make_guess(qp, None, answer.point))
-        return answer
-
-    def solve_by_active_set(
-        self, qp: QP, start: float, is_tried: bool
-    ) -> Outcome | None:
-        """Return the answer of what is kept, which may have tried; None if it fails."""
-        m, options = self.active_set, self.options
-        deadline = Deadline(start + options.time_limit)
-        if not is_tried:
-            if self.pause > 0:
-                self.pause -= 1
-                return None
-            if self.is_renewed:  # not before: a pause goes on with other values
-                self.is_renewed = False
-                active.renew(m, qp)
-            active.solve(m, self.vectors, options.settings, deadline.at)
-        self.left = self.left + 1 if m.code == Code.STUCK else 0
-        self.pause = PAUSES[min(self.left, len(PAUSES) - 1)] if m.is_ready else inf
-        limits = options.limits(deadline)
-        answer = active.answer_of(m, Judge(qp, limits, self.given))
-        if answer is None or answer.status not in ENDS:
-            return None
-        if options.relaxation and answer.status is Status.PRIMAL_INFEASIBLE:
-            return None  # the general solve finds the closest point
-        self.is_current = answer.status is SOLVED
-        return answer
+        if self.active_set is not None and answer.status is SOLVED:
+            active.suggest(self.active_set, make_guess(qp, None, answer.point))
+        return qp_result(answer, (qp, given), start, start)
 
 
 # ---- matrices with new values in the storage and the pattern of old ones
@@ -411,13 +385,11 @@ def within_pattern(new: Any, kept: Any) -> Any:
     if has_pattern_of(new, kept):
         return new
     wanted, present = places(kept), places(new)
-    position = np.searchsorted(wanted, present)
-    inside = position < wanted.size
-    inside[inside] = wanted[position[inside]] == present[inside]
+    inside = np.isin(present, wanted)
     if new.data[~inside].any():
         return None
     data = np.zeros(kept.data.size)
-    data[position[inside]] = new.data[inside]
+    data[np.isin(wanted, present)] = new.data[inside]  # both ascend
     return from_arrays((kept.indptr, kept.indices, data), kept.shape)
 
 

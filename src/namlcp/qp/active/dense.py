@@ -55,7 +55,6 @@ from cython.cimports.namlcp.qp.active.rounds import (
     NO_WEIGHT,
     RHO,
     is_faulty,
-    refine_contradiction,
     set_shape,
     solve_at_hand,
     wanted_rho,
@@ -72,8 +71,8 @@ from namlcp.linalg import definite
 # Ratio of the largest to the smallest pivot of P from which on products with V are too
 # inaccurate; for P + W, the ratio of a diagonal entry to its pivot.
 MOST_SPREAD = 1e9
-# Added to the diagonal of P, relative to its largest entry, in the test whether P is
-# semidefinite, and the slack of each entry there.
+# Added to the diagonal of P, relative to its largest entry and to each, in the test
+# whether P is semidefinite.
 ROUNDING_UNIT = 1e-15
 PSD_SLACK = definite.PSD_SLACK
 # Pivot of S over its diagonal entry up to which an equation depends on others.
@@ -139,8 +138,8 @@ class DenseActiveSet(ActiveSet):
     def decide(self):
         """Solve the QP at hand, if need be with another W, see `rounds`.
 
-        A small W leaves little to the passes; where rows seem to contradict each other
-        by rounding, it is too small.
+        A small W leaves little to the passes, and lets rows contradict each other by
+        rounding.
         """
         found = proved(self, solve_dense(self))
         if (found != STUCK and found != UNPROVED) or self.wanted != 0.0:
@@ -206,17 +205,14 @@ def copy_cost(m, slack):
 
 
 def has_factor(m):
-    """Overwrite the lower triangle in m.factor by its Cholesky factor, if that exists.
-
-    By LAPACK if m.is_large.
-    """
+    """Overwrite the lower triangle in m.factor by its Cholesky factor, if any."""
     if m.is_large:
         return cholesky(m.factor, m.n)
     return factor_in_place(m.factor, m.n, 0.0) == 0
 
 
 def factor_cost(m):
-    """Factor P; False where it has no good factor, as the pivots differ too much."""
+    """Factor P; False where it has no factor, or pivots that differ too much."""
     n, low, high = m.n, INFINITY, 0.0
     copy_cost(m, 0.0)
     if not has_factor(m):
@@ -298,9 +294,6 @@ def invert_factor(m):
     invert_triangle(m.schur, p)
 
 
-# ---- the operator
-
-
 def set_unit_load(m, row, rhs):
     """Set rhs = (c, 0) for the coefficients c of a row."""
     fill(rhs, 0.0, m.n + m.p)
@@ -310,14 +303,10 @@ def set_unit_load(m, row, rhs):
         copy(m.G + row * m.n, rhs, m.n)
 
 
-# ---- large QPs, one at a time
-
-
 def prepare(m):
     """Make the responses to all rows of G at once, if many are violated at the base.
 
-    Most of those enter sooner or later, and others do, too. One by one the speed of
-    memory would limit them.
+    Most of those enter sooner or later; one by one the speed of memory limits them.
     """
     n, rows, length = m.n, m.m, m.length
     if m.p > 0 or rows > min(MOST_ROWS * n, m.capacity):
@@ -393,9 +382,9 @@ def proved(m, found):
 
 
 def contradicts_equations(m):
-    """Tell whether a dependent equation contradicts the others: y is the candidate.
+    """Tell whether the solution of the other equations violates a dependent one.
 
-    It contradicts them where the solution of these violates it.
+    y is the candidate then.
     """
     x = m.s + m.m
     at: Py_ssize_t = -1
@@ -417,9 +406,11 @@ def contradicts_equations(m):
     fill(m.y, 0.0, m.p)
     fill(m.z, 0.0, m.m)
     m.y[at] = 1.0
-    k, m.k, m.entering = m.k, 0, -1
-    refine_contradiction(m)
-    m.k = k
+    for _ in range(2):  # A'y = 0, and refined
+        fill(m.rhs, 0.0, m.n + m.p)
+        add_times_transposed(m.A, m.p, m.n, m.y, m.rhs)
+        m.set_values(m.rhs, m.change)
+        add_scaled(-1.0, m.change + m.rows, m.y, m.p)
     if dot(m.b, m.y, m.p) > 0.0:
         for i in range(m.p):
             m.y[i] = -m.y[i]

@@ -3,11 +3,8 @@ from namlcp.watch cimport Watched
 
 cdef double DEPENDENT, DEPENDENT_HINT, VIOLATION_ROUNDING, NOISE, MOST_ROUNDING
 cdef double ROUND_ROUNDING, MOST_ROUND_ROUNDING, BASE_ROUNDING
-cdef Py_ssize_t USUAL
-
 cdef enum:
     MOST_NUMBERS = 8_000_000
-    GROWN = 3
     MOST_SORTED = 64
 
 
@@ -16,7 +13,7 @@ cpdef enum Code:
     # UNSUITED: as its matrices are not suited, a number is not allowed, or two sides are
     # opposed. SUMMED: as DONE, but the terms are so large that the order of their sums
     # matters. CONTRADICTION, UNBOUNDED: there is a candidate for a certificate; of a dense
-    # QP at last the certificate itself, else UNPROVED.
+    # QP at last the certificate itself, else UNPROVED. MOVED: it has not ended.
     DONE
     CONTRADICTION
     LATE
@@ -25,6 +22,7 @@ cpdef enum Code:
     SUMMED
     UNBOUNDED
     UNPROVED
+    MOVED
 
 
 cdef class ActiveSet(Watched):
@@ -35,16 +33,16 @@ cdef class ActiveSet(Watched):
         # Sizes; rows = m + n inequalities and bounds, length = rows + p; the most active
         # rows, the most responses; equations that depend on others.
         Py_ssize_t n, m, p, rows, length, most, capacity, skipped
-        # Values of the rows, see `steps`, at the base point and now, their change for a
-        # multiplier that grows; 1 over the norms of the rows.
+        # Values at the base point and now, their change for a multiplier that grows; 1
+        # over the norms of the rows.
         double *s0, *s, *direction, *scale
         # Active rows: index, multiplier, the triangle L with L L' = S; side of every row:
         # 1 at h or ub, -1 at lb, 0 if not active.
         Py_ssize_t *active, *side
         double *multiplier, *triangle
-        # Active rows; rows of a hint, which are in the place of active ones until the next
-        # solve; whether rows have changed since mu and s were computed from these; whether no
-        # other solve follows that depends on it.
+        # Active rows; rows of a hint, in the place of active ones until the next solve;
+        # whether rows have changed since mu and s were computed from these; whether no
+        # other solve follows.
         readonly Py_ssize_t k, hints
         bint changed, is_single
         # L^-1 w_F, S^-1 w_F, right-hand sides of S, Givens rotations.
@@ -64,7 +62,7 @@ cdef class ActiveSet(Watched):
         readonly double rho
         public double wanted
         double largest
-        readonly Py_ssize_t rounds, retries
+        Py_ssize_t retries
         # Whether the point is on the face of `null`, whose operators hold active rows.
         bint on_face
         # The row that enters (-1: none) and its side, its multiplier so far.
@@ -80,9 +78,7 @@ cdef class ActiveSet(Watched):
         readonly double operations, most_operations
         double eps_abs, eps_rel
         Numbers found
-        # Whether what depends on the matrices is there; whether other methods are quicker
-        # with other matrices.
-        readonly bint is_ready, is_slow_anew
+        readonly bint is_ready  # what depends on the matrices is there
         char *memory
         size_t memory_end
         # What keeps the arrays behind the pointers alive; the point that was made last.
@@ -99,8 +95,7 @@ cdef class ActiveSet(Watched):
     cdef double project(self, Py_ssize_t row) noexcept nogil
     cdef bint append(self, Py_ssize_t row, Py_ssize_t side, double multiplier, double rest) noexcept nogil
     cdef bint remove(self, Py_ssize_t i) noexcept nogil
-    cdef void set_multipliers(self) noexcept nogil
-    cdef void set_point_values(self) noexcept nogil
+    cdef void set_dual_point(self) noexcept nogil
     cdef bint finish(self) noexcept nogil
 
 
@@ -114,10 +109,8 @@ cdef double* response_of(ActiveSet m, Py_ssize_t row) noexcept nogil
 cdef double* claim_place(ActiveSet m, Py_ssize_t row) noexcept nogil
 cdef void forget_responses(ActiveSet m) noexcept nogil
 cdef void forget_rows(ActiveSet m) noexcept nogil
-cdef void subtract_responses(ActiveSet m, const double* factor, Py_ssize_t k, double* s) noexcept nogil
-cdef void solve_active(ActiveSet m, double* v) noexcept nogil
-cdef void subtract_active(ActiveSet m, double* values) noexcept nogil
-cdef void hold_active(ActiveSet m, double* values) noexcept nogil
+cdef void subtract_responses(ActiveSet m, const double* factor, double* s) noexcept nogil
+cdef void subtract_active(ActiveSet m, double* factor, double* s) noexcept nogil
 cdef double rest_of(ActiveSet m, Py_ssize_t row) noexcept nogil
 cdef bint is_independent(ActiveSet m, Py_ssize_t row, double rest, double limit) noexcept nogil
 cdef void insert_place(ActiveSet m, Py_ssize_t at, Py_ssize_t row, Py_ssize_t side, double multiplier) noexcept nogil

@@ -35,34 +35,29 @@ from cython.cimports.namlcp.linalg.dense import (
 from cython.cimports.namlcp.linalg.vectors import add_four, add_scaled, copy, dot, fill
 from cython.cimports.namlcp.watch import Watched, is_over
 
-from namlcp.options import DEFAULT_OPTIONS
-
-USUAL = DEFAULT_OPTIONS.max_iter
 # A row depends on the active ones if the squared length of its part orthogonal to them,
 # in the metric of the responses, over its own is at most DEPENDENT; for rows of a hint,
 # which need not be right, DEPENDENT_HINT.
 DEPENDENT, DEPENDENT_HINT = 1e-11, 1e-6
 # Violations over the moduli of their terms up to which they count as rounding at first.
 # This `level` grows tenfold where a violation below NOISE * level contradicts the
-# active rows; above MOST_ROUNDING the method gives up. The larger numbers are those of
-# the `rounds` for a P without a factor, whose base point is far away.
+# active rows; above MOST_ROUNDING the method gives up. The larger numbers are for a P
+# without a factor, whose base point is far away.
 VIOLATION_ROUNDING, NOISE, MOST_ROUNDING = 1e-13, 1e3, 1e-9
 ROUND_ROUNDING, MOST_ROUND_ROUNDING = 1e-12, 1e-7
 # Rounding of s over the largest entry of s0 from which it was subtracted: what is left
 # at a vertex x = 0. Rows that are active are allowed `level` of it.
 BASE_ROUNDING = 4e-16
 # MOST_NUMBERS: most numbers that all responses may take, 64 MB; there are no more
-# active rows. A limit of USUAL pivots is not the user's choice, and is exceeded up to
-# GROWN per row and variable; see also m.most_operations.
-# MOST_SORTED: most active rows for which L is computed anew at the end, which takes
-# k^3 / 6 operations.
+# active rows. MOST_SORTED: most active rows for which L is computed anew at the end,
+# which takes k^3 / 6 operations.
 
 
 class ActiveSet(Watched):
-    """A QP, its active rows, and what is kept from solve to solve.
+    """A QP, its active rows, and what is kept from solve to solve, in one allocation.
 
-    All in one allocation. A subclass has the operators, the first methods, and vectors
-    of its own; one with another form of the active rows has the others, too.
+    A subclass has the operators, the first methods, and vectors of its own; one with
+    another form of the active rows has the others, too.
     """
 
     def __dealloc__(self):
@@ -93,8 +88,8 @@ class ActiveSet(Watched):
     def begin(self):
         """Set the base solution; keep the active rows of the last QP, or of a hint.
 
-        These less lost sides, and rows of a hint that depend on others. False if the
-        factors do not allow it.
+        Those without a side now leave, and so do rows of a hint that depend on others.
+        False if the factors do not allow it.
         """
         set_base_values(self)
         self.operations = 0.0
@@ -124,7 +119,7 @@ class ActiveSet(Watched):
         copy(self.coefficient, self.ratio, k)
         triangle_solve_transposed(self.triangle, k, self.ratio)
         copy(response_of(self, row), self.direction, self.length)
-        subtract_responses(self, self.ratio, k, self.direction)
+        subtract_responses(self, self.ratio, self.direction)
         if not is_new:
             fill(self.direction, 0.0, self.rows)
             return 0.0
@@ -142,12 +137,13 @@ class ActiveSet(Watched):
         remove_place(self, i)
         return True
 
-    def set_multipliers(self):
-        """Set mu = S^-1 (s0_F - d_F)."""
+    def set_dual_point(self):
+        """Set mu = S^-1 (s0_F - d_F) and s = s0 - sum mu_i w_i."""
         for i in range(self.k):
             row = self.active[i]
             self.multiplier[i] = self.s0[row] - goal_of(self, row, self.side[row])
-        solve_active(self, self.multiplier)
+        copy(self.s0, self.s, self.length)
+        subtract_active(self, self.multiplier, self.s)
 
     def finish(self):
         """Step 3: mu and s as functions of the active rows alone; False if these fail.
@@ -159,22 +155,15 @@ class ActiveSet(Watched):
         if self.changed and not self.is_single:
             if self.k <= MOST_SORTED and not factor_active(self):
                 return False
-            self.set_multipliers()
-            self.set_point_values()
+            self.set_dual_point()
         self.changed = False
         return True
 
-    def set_point_values(self):
-        """Set s = s0 - sum mu_i w_i."""
-        copy(self.s0, self.s, self.length)
-        subtract_responses(self, self.multiplier, self.k, self.s)
-
 
 def reals(m, count):
-    """Return the place of the next `count` numbers of the memory.
+    """Return the place of the next `count` numbers; without memory, only count them.
 
-    Without memory, at first, that only counts them. All begin a multiple of 32 bytes
-    after the first ones, as loops over them take longer else.
+    All begin a multiple of 32 bytes after the first ones: loops take longer else.
     """
     found = cython.cast(cython.p_double, m.memory + m.memory_end)
     m.memory_end += (8 * count + 39) // 32 * 32
@@ -186,7 +175,6 @@ def indices(m, count):
 
 
 def lay_out_rows(m):
-    """Give the vectors of any storage their places; m.most is set."""
     n, p = m.n, m.p
     rows = m.m + n
     length = rows + p
@@ -247,7 +235,6 @@ def is_pinned(m, row):
 
 
 def response_of(m, row):
-    """Return the response to a row, which has been made."""
     return m.responses + m.length * m.place[row]
 
 
@@ -278,18 +265,17 @@ def forget_responses(m):
 
 
 def forget_rows(m):
-    """Begin the next solve without active rows."""
     for i in range(m.k + m.hints):
         m.side[m.active[i]] = 0
     m.k, m.hints = 0, 0
 
 
-def subtract_responses(m, factor, k, s):
-    """Set s -= sum over i < k of factor[i] times the response to active row i.
+def subtract_responses(m, factor, s):
+    """Set s -= sum of factor_i w_i over active rows.
 
     Four rows at a time, because reading and writing s would take most of the time.
     """
-    active = m.active
+    active, k = m.active, m.k
     i: Py_ssize_t = 0
     while i + 4 <= k:
         add_four(
@@ -304,23 +290,11 @@ def subtract_responses(m, factor, k, s):
         i += 1
 
 
-def solve_active(m, v):
-    """Overwrite v by S^-1 v."""
-    triangle_solve(m.triangle, m.k, v)
-    triangle_solve_transposed(m.triangle, m.k, v)
-
-
-def subtract_active(m, values):
-    """Set m.work = S^-1 m.work, and values -= sum of m.work_i w_i over active rows."""
-    solve_active(m, m.work)
-    subtract_responses(m, m.work, m.k, values)
-
-
-def hold_active(m, values):
-    """Set m.work = S^-1 values_F and subtract these responses: then values_F = 0."""
-    for i in range(m.k):
-        m.work[i] = values[m.active[i]]
-    subtract_active(m, values)
+def subtract_active(m, factor, s):
+    """Do so with S^-1 factor, which takes the place of factor."""
+    triangle_solve(m.triangle, m.k, factor)
+    triangle_solve_transposed(m.triangle, m.k, factor)
+    subtract_responses(m, factor, s)
 
 
 def rest_of(m, row):
@@ -349,7 +323,6 @@ def is_independent(m, row, rest, limit):
 
 
 def insert_place(m, at, row, side, multiplier):
-    """Put a row into the list of active ones."""
     for j in range(m.k, at, -1):
         m.active[j], m.multiplier[j] = m.active[j - 1], m.multiplier[j - 1]
     m.active[at], m.multiplier[at] = row, multiplier
@@ -359,7 +332,6 @@ def insert_place(m, at, row, side, multiplier):
 
 
 def remove_place(m, i):
-    """Take row number i out of the list of active ones."""
     m.side[m.active[i]] = 0
     for j in range(i, m.k - 1):
         m.active[j], m.multiplier[j] = m.active[j + 1], m.multiplier[j + 1]
@@ -371,7 +343,6 @@ def remove_place(m, i):
 
 
 def set_base_values(m):
-    """Set s0, the base solution, with the proximal term of the centre if there is W."""
     for j in range(m.n):
         m.rhs[j] = -m.q[j]
     if m.rho != 0.0:
@@ -388,7 +359,7 @@ def drop_wrong_signs(m):
     False where the factors do not allow it.
     """
     while True:
-        m.set_multipliers()
+        m.set_dual_point()
         leaving: Py_ssize_t = -1
         least = 0.0
         for i in range(m.k):
@@ -396,11 +367,9 @@ def drop_wrong_signs(m):
             if signed < least and not is_pinned(m, m.active[i]):
                 leaving, least = i, signed
         if leaving < 0:
-            break
+            return True
         if not m.remove(leaving):
             return False
-    m.set_point_values()
-    return True
 
 
 # ---- step 2
@@ -500,8 +469,7 @@ def pivot(m):
             if m.entering < 0:
                 return DONE
             m.pivots += 1
-            most = max(USUAL, GROWN * m.rows) if m.max_iter == USUAL else m.max_iter
-            if m.pivots > most:
+            if m.pivots > m.max_iter:
                 return STUCK
         operations = (m.k + 2) * (m.length + m.k)
         if is_over(m, operations):

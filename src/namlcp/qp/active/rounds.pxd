@@ -3,52 +3,37 @@ from namlcp.qp.active.engine cimport ActiveSet, Code
 cdef double WRONG, RHO, NO_WEIGHT, LEAST_SHAPE, LEAST_CURVATURE
 cdef double EXACT, GOOD, FLAT, NEARLY_EXACT, CANCELLED, TINY, ON_FACE, OPEN
 cdef double RAY_GAIN, MOST_CURVED, CLEAN, LEAST_GROWTH
-cdef double ACCURATE, RESERVE, ROUNDING, GAIN, LEAST_DIVISOR, INFINITE
+cdef double ACCURATE, ROUNDING, GAIN, LEAST_DIVISOR, INFINITE
 cdef enum:
     CORRECTIONS = 3
     MOST_ROUNDS = 20
     RETRIES = 2
-    REFINEMENTS = 2
     PASSES = 60
     IDLE = 3
     STEADY = 2
     RAY_PASSES = 40
 
 
-cdef enum End:
-    # The minimum; a point where a row is met that is not active; a ray in z_box; none of
-    # these so far.
-    FACE_SOLVED
-    BLOCKED
-    RAY
-    MOVED
-
-
 cdef bint is_faulty(ActiveSet m) noexcept nogil
-cdef Code follow(ActiveSet m) noexcept nogil
 cdef Code solve_at_hand(ActiveSet m) noexcept nogil
 cdef Code solve_by_rounds(ActiveSet m) noexcept nogil
-cdef Code try_old_face(ActiveSet m) noexcept nogil
 cdef Code settle(ActiveSet m) noexcept nogil
-cdef void refine_contradiction(ActiveSet m) noexcept nogil
 cdef void set_shape(ActiveSet m) noexcept nogil
 cdef double wanted_rho(ActiveSet m) noexcept nogil
 cdef void set_point(ActiveSet m) noexcept nogil
 cdef bint clip_point(ActiveSet m) noexcept nogil
 cdef double measure(ActiveSet m) noexcept nogil
-cdef bint is_low(ActiveSet m, double residual, double size, double most_reserve) noexcept nogil
-cdef bint is_accurate(ActiveSet m, double error) noexcept nogil
 cdef bint are_within(ActiveSet m, double rounding) noexcept nogil
 cdef Code verdict(ActiveSet m) noexcept nogil
 cdef void set_correction(ActiveSet m) noexcept nogil
 cdef void set_change(ActiveSet m) noexcept nogil
 cdef void take_change(ActiveSet m) noexcept nogil
 cdef Code judge(ActiveSet m, Code found) noexcept nogil
-cdef End descend(ActiveSet m) noexcept nogil
+cdef Code descend(ActiveSet m) noexcept nogil
 cdef double take_face(ActiveSet m) noexcept nogil
 cdef bint is_rounding(ActiveSet m) noexcept nogil
 cdef double add_weighted(ActiveSet m, const double* v, double sum) noexcept nogil
 cdef double set_direction(ActiveSet m, double before) noexcept nogil
-cdef End move(ActiveSet m, double energy, double error) noexcept nogil
+cdef Code move(ActiveSet m, double energy, double error) noexcept nogil
 cdef double longest_step(ActiveSet m, const double* along) noexcept nogil
 cdef bint is_ray(ActiveSet m) noexcept nogil

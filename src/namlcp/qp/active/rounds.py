@@ -1,9 +1,8 @@
 """A whole solve: pivots, and the point refined; proximal rounds for a P without factor.
 
-The point of the active rows is measured as the user sees it: by the one definition of
-the residuals (see `namlcp.residuals`), on the arguments as given. Refinement is
-iterative, with these residuals and the operators at hand, from the point that `finish`
-computed: like that, it depends on the active rows alone.
+The point is measured by the one definition of the residuals (`namlcp.residuals`), on
+the arguments as given. Refinement is iterative, with these residuals and the operators
+at hand, from the point of `finish`: like that, it depends on the active rows alone.
 
 Where P has no good factor, the base problem has one with P + W in its place, W = rho D.
 A round with the centre c, at first 0,
@@ -40,8 +39,6 @@ distances of all planes c_i x = d_i from 0, that is the curvature which has its 
 about as far away as they are. With P = 0 that is tau alone. A power of 16 in its place
 lets rho be the same for most QPs with the same matrices. Norms of rows and sizes of x
 are those in the scaled variables, too.
-
-Candidates for certificates, of equations and rows, are refined on the data.
 """
 
 import cython
@@ -57,9 +54,9 @@ from cython.cimports.namlcp.linalg.vectors import (
 from cython.cimports.namlcp.measure import Terms
 from cython.cimports.namlcp.measure import measure as measure_terms
 from cython.cimports.namlcp.qp.active.engine import (
-    CONTRADICTION,
     DONE,
     LATE,
+    MOVED,
     ROUND_ROUNDING,
     STUCK,
     SUMMED,
@@ -67,7 +64,6 @@ from cython.cimports.namlcp.qp.active.engine import (
     VIOLATION_ROUNDING,
     drop_wrong_signs,
     goal_of,
-    hold_active,
     is_pinned,
     pivot,
     set_base_values,
@@ -78,11 +74,10 @@ from cython.cimports.namlcp.qp.active.engine import (
 from namlcp import checks
 from namlcp.linalg import columns
 
-# Nothing is refined where residuals over the moduli of their terms are at most
-# ACCURATE, and the residuals themselves at most RESERVE times the absolute tolerance;
-# or no more than their own rounding error, which is ROUNDING over these moduli, and at
-# most a tenth of the tolerance, a half for the gap, which refinement hardly changes.
-ACCURATE, RESERVE, ROUNDING = 1e-12, 0.05, 4e-15
+# A point is refined until its residuals over the moduli of their terms are at most
+# ACCURATE, and within tolerance by ROUNDING of these moduli, which the sums may have
+# lost.
+ACCURATE, ROUNDING = 1e-12, 4e-15
 # The factor by which each of the CORRECTIONS has to lower the error.
 GAIN = 0.5
 # In place of 0 where a size is divided by; what is infinite beside sides of about 1.
@@ -96,12 +91,11 @@ RHO, NO_WEIGHT = 1e-4, -1.0
 LEAST_SHAPE = 1e-36
 # The curvature is between this number and its inverse.
 LEAST_CURVATURE = 1e-100
-# MOST_ROUNDS: rounds at most. REFINEMENTS: passes of refinement of multipliers.
-# On a face. PASSES: passes at most. They end at the relative residual EXACT, and at
-# GOOD if they gain less than a factor of 2 for IDLE passes.
+# PASSES on a face end at the relative residual EXACT, and at GOOD if they gain less
+# than a factor of 2 for IDLE passes.
 EXACT, GOOD = 1e-15, 1e-10
-# Curvature over that of D up to which there is none, and the residual at
-# which a direction without curvature is one of rounding errors.
+# Curvature over that of D up to which there is none, and the residual at which a
+# direction without it is one of rounding errors.
 FLAT, NEARLY_EXACT = 1e-13, 1e-12
 # The change of x is rounding where the active rows take away all but CANCELLED of it,
 # or it is TINY times x. The point is brought to its face first, up to ON_FACE, by
@@ -109,8 +103,8 @@ FLAT, NEARLY_EXACT = 1e-13, 1e-12
 CANCELLED, TINY, ON_FACE = 1e-11, 1e-14, 1e-14
 # Curvature over that of W up to which a direction may be near a ray.
 OPEN = 0.1
-# RAY_PASSES: passes for a ray at most. RAY_GAIN: the gain of one below which it was the
-# last; the largest P d over d, in scaled variables, and that at which no pass follows.
+# RAY_GAIN: the gain of one of the RAY_PASSES below which it was the last; the largest
+# P d over d, in scaled variables, and that at which no pass follows.
 RAY_GAIN, MOST_CURVED, CLEAN = 0.9, 1e-9, 1e-14
 # Growth of a row, over its norm, along a direction of size 1, up to which it is
 # rounding.
@@ -135,9 +129,11 @@ def is_faulty(m):
     return not fine
 
 
-def follow(m):
-    """Solve the QP by `engine`, from the active rows at hand, and judge."""
+def solve_at_hand(m):
+    """Solve the QP at the pointers of m, whose factors are there."""
     m.entering, m.level = -1, VIOLATION_ROUNDING
+    if m.rho != 0.0:
+        return solve_by_rounds(m)
     if not (m.begin() and drop_wrong_signs(m)):
         return STUCK
     found = pivot(m)
@@ -146,20 +142,21 @@ def follow(m):
     return judge(m, found) if found == DONE or found == LATE else found
 
 
-def solve_at_hand(m):
-    """Solve the QP at the pointers of m, whose factors are there."""
-    found = solve_by_rounds(m) if m.rho != 0.0 else follow(m)
-    if found == CONTRADICTION and not m.on_face:
-        refine_contradiction(m)
-    return found
-
-
 def solve_by_rounds(m):
-    """Solve a QP with W; after UNBOUNDED z_box has a ray."""
+    """Solve a QP with W; after UNBOUNDED z_box has a ray.
+
+    First on the active rows of the last QP, or a hint: the rounds would come to those
+    of the QP with the proximal term before.
+    """
+    rounds, found = 0, STUCK
+    m.level, m.retries = ROUND_ROUNDING, RETRIES
     fill(m.centre, 0.0, m.n)
-    m.rounds, m.retries = 0, RETRIES
-    found = try_old_face(m)
-    while found == STUCK and m.rounds < MOST_ROUNDS:
+    m.begin()
+    if m.k > 0:
+        m.set_dual_point()
+        if descend(m) == DONE:
+            found = settle(m)
+    while found == STUCK and rounds < MOST_ROUNDS:
         m.changed = False
         drop_wrong_signs(m)
         found = pivot(m)
@@ -168,38 +165,19 @@ def solve_by_rounds(m):
         if found != DONE:
             return found
         if m.changed:
-            m.set_multipliers()
-            m.set_point_values()
-        m.rounds += 1
-        end = descend(m)
-        if end == RAY:
-            return UNBOUNDED
-        found = settle(m) if end == FACE_SOLVED else STUCK
+            m.set_dual_point()
+        rounds += 1
+        found = descend(m)
+        if found == DONE:
+            found = settle(m)
         if found == STUCK:
             copy(m.s + m.m, m.centre, m.n)
             set_base_values(m)
     return found
 
 
-def try_old_face(m):
-    """Begin with the active rows of the last QP, or a hint; STUCK if they do not do.
-
-    The rounds would first come to those of the QP with the proximal term.
-    """
-    m.entering, m.level = -1, ROUND_ROUNDING
-    m.begin()
-    if m.k == 0:
-        return STUCK
-    m.set_multipliers()
-    m.set_point_values()
-    return settle(m) if descend(m) == FACE_SOLVED else STUCK
-
-
 def settle(m):
-    """Take multipliers of the right signs; tell whether that solves the QP, or STUCK.
-
-    The products at hand are those of the point with multipliers of either sign.
-    """
+    """Take multipliers of the right signs, at a point whose products are at hand."""
     if clip_point(m):
         m.set_products(False)
     measure(m)
@@ -214,10 +192,7 @@ def settle(m):
 
 
 def set_point(m):
-    """Set x, y and z from the values and multipliers, x to active bounds exactly.
-
-    What is in z may have either sign, and x may be out of its bounds: see `clip_point`.
-    """
+    """Set x, y and z from the values and multipliers, x to active bounds exactly."""
     copy(m.s + m.m, m.x, m.n)
     copy(m.s + m.rows, m.y, m.p)
     fill(m.z_box, 0.0, m.n)
@@ -231,7 +206,7 @@ def set_point(m):
 
 
 def clip_point(m):
-    """Move x and z into their bounds; tell whether one was out, as by rounding."""
+    """Move x and z into their bounds; tell whether one was out."""
     x, lb, ub = m.x, m.lb, m.ub
     was_out: cython.bint = False
     for i in range(m.m):
@@ -274,23 +249,6 @@ def measure(m):
     )
 
 
-def is_low(m, residual, size, most_reserve):
-    """Tell whether a residual is far below its tolerance, or due to rounding."""
-    rounding = min(ROUNDING * size, most_reserve * m.eps_abs)
-    return m.eps_abs <= 0.0 or residual <= max(RESERVE * m.eps_abs, rounding)
-
-
-def is_accurate(m, error):
-    """Tell whether a point with this error of `measure` needs no refinement."""
-    found = cython.address(m.found)
-    return (
-        error <= ACCURATE
-        and is_low(m, found.primal, found.primal_size, 0.1)
-        and is_low(m, found.dual, found.dual_size, 0.1)
-        and is_low(m, found.gap, found.gap_size, 0.5)
-    )
-
-
 def are_within(m, rounding):
     """Tell whether the residuals are within tolerance with that much of their terms."""
     found, eps = cython.address(m.found), m.eps_abs
@@ -303,7 +261,6 @@ def are_within(m, rounding):
 
 
 def verdict(m):
-    """Return STUCK where the point is not within tolerance, else DONE or SUMMED."""
     is_far: cython.bint = m.found.primal_size >= INFINITE  # any rows seem to hold
     if not are_within(m, 0.0) or (is_far and m.found.primal > m.eps_abs):
         return STUCK
@@ -332,20 +289,16 @@ def set_change(m):
     for i in range(m.k):
         row = m.active[i]
         m.work[i] = m.change[row] + m.s[row] - goal_of(m, row, m.side[row])
-    subtract_active(m, m.change)
+    subtract_active(m, m.work, m.change)
 
 
 def take_change(m):
-    """Add m.change to s and m.work to mu."""
     add_scaled(1.0, m.change, m.s, m.length)
     add_scaled(1.0, m.work, m.multiplier, m.k)
 
 
 def judge(m, found):
-    """Measure the point, and refine it as long as it is not accurate and that pays.
-
-    found: how the pivots ended. After LATE the point is measured alone.
-    """
+    """Measure the point; unless LATE, refine it as long as that is needed and pays."""
     error, passes = INFINITY, CORRECTIONS
     while True:
         set_point(m)
@@ -353,13 +306,14 @@ def judge(m, found):
         before, error = error, measure(m)
         if found == LATE:
             return LATE
+        is_fine: cython.bint = error <= ACCURATE and are_within(m, ROUNDING)
         if not error < before:
             if before == INFINITY:  # there is no better point to go back to
                 return STUCK
             m.s, m.best = m.best, m.s
             m.multiplier, m.best_multiplier = m.best_multiplier, m.multiplier
             error, passes = INFINITY, 0
-        elif passes > 0 and error <= GAIN * before and not is_accurate(m, error):
+        elif passes > 0 and error <= GAIN * before and not is_fine:
             if m.on_face:  # which the other form refines
                 return STUCK
             copy(m.s, m.best, m.length)
@@ -377,7 +331,10 @@ def judge(m, found):
 
 
 def descend(m):
-    """Minimise the cost on the face of the active rows; return how that ended."""
+    """Minimise the cost on the face of the active rows; STUCK where another is met.
+
+    After UNBOUNDED z_box has a ray.
+    """
     idle: Py_ssize_t = 0
     energy, best = 0.0, INFINITY
     for turn in range(PASSES + 1):
@@ -400,7 +357,7 @@ def descend(m):
             found = move(m, energy, error)
             if found != MOVED:
                 return found
-    return FACE_SOLVED
+    return DONE
 
 
 def take_face(m):
@@ -426,10 +383,7 @@ def take_face(m):
 
 
 def is_rounding(m):
-    """Set m.change to the preconditioned residual, m.work to dmu.
-
-    Returns whether the change of x is rounding.
-    """
+    """Set m.change and m.work = dmu; tell whether the change of x is rounding."""
     m.set_values(m.rhs, m.change)
     whole = size_of(m, m.change)
     set_change(m)
@@ -459,23 +413,23 @@ def set_direction(m, before):
 
 
 def move(m, energy, error):
-    """Go along the direction: to its minimum, or the first row. MOVED, or an end."""
+    """Go along the direction, to its minimum or the first row: MOVED, or an end."""
     p = m.along + m.m
     curvature, full = dot(p, m.Palong, m.n), INFINITY
     of_weight = add_weighted(m, p, 0.0)
     if curvature > FLAT / m.rho * of_weight:
         full = energy / curvature
     elif error <= NEARLY_EXACT:
-        return FACE_SOLVED
+        return DONE
     longest = longest_step(m, m.along)
     add_scaled(1.0, m.work, m.multiplier, m.k)
     add_scaled(1.0, m.change + m.rows, m.s + m.rows, m.p)
     if not curvature > OPEN * of_weight and is_ray(m):
-        return RAY
+        return UNBOUNDED
     if full == longest:  # without end, and yet no ray: rounding
-        return FACE_SOLVED
+        return DONE
     add_scaled(min(longest, full), m.along, m.s, m.rows)
-    return BLOCKED if longest < full else MOVED
+    return STUCK if longest < full else MOVED
 
 
 def longest_step(m, along):
@@ -506,7 +460,9 @@ def is_ray(m):
         for j in range(n):
             m.rhs[j] = m.weight[j] * ray[j]
         m.set_values(m.rhs, m.change)
-        hold_active(m, m.change)
+        for i in range(m.k):
+            m.work[i] = m.change[m.active[i]]
+        subtract_active(m, m.work, m.change)
         copy(m.change + m.m, ray, n)
         for i in range(m.k):
             if m.active[i] >= m.m:
@@ -522,32 +478,6 @@ def is_ray(m):
     if not (dot(m.q, ray, n) < 0.0 and ratio <= MOST_CURVED):
         return False
     return longest_step(m, m.change) == INFINITY
-
-
-# ---- certificates
-
-
-def refine_contradiction(m):
-    """Refine y and z, multipliers that contradict the rows: G'z + A'y = 0 off bounds.
-
-    Rows with multipliers are active, or entering. P does not matter here.
-    """
-    for _ in range(REFINEMENTS):
-        m.set_products(False)
-        for j in range(m.n):
-            m.rhs[j] = -(m.Gtz[j] + m.Aty[j])
-        fill(m.rhs + m.n, 0.0, m.p)
-        for i in range(m.k):
-            if m.active[i] >= m.m:
-                m.rhs[m.active[i] - m.m] = 0.0
-        if m.entering >= m.m:
-            m.rhs[m.entering - m.m] = 0.0
-        m.set_values(m.rhs, m.change)
-        hold_active(m, m.change)
-        for i in range(m.k):
-            if m.active[i] < m.m:
-                m.z[m.active[i]] += m.work[i]
-        add_scaled(1.0, m.change + m.rows, m.y, m.p)
 
 
 # ---- the weights
@@ -571,7 +501,6 @@ def set_shape(m):
 
 
 def wanted_rho(m):
-    """Return rho for the vectors at hand."""
     total, count, largest = 0.0, 0, 0.0
     for i in range(m.p + m.m + 2 * m.n):
         row = i - m.p

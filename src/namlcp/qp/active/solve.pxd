@@ -13,6 +13,7 @@ cpdef enum:
     MOST_LENGTH = 20_000
 
 cdef object SOLVED, DUAL, clock
+cdef tuple OPEN_SIDES
 cdef double FEW_OPERATIONS, PASSES, OF_COST, OF_ROWS, ACTIVE, MOST_ANEW
 
 cdef Py_ssize_t filled(const double* values, Py_ssize_t count) noexcept nogil
@@ -26,10 +27,8 @@ cdef object small_form(object C)
 cdef object tiny_form(object C, Py_ssize_t n)
 cdef bint is_certain(DenseActiveSet m) noexcept nogil
 cdef double norm(const double* v, Py_ssize_t n) noexcept nogil
-cdef unsigned long long stamp_of(DenseActiveSet m, tuple matrices)
 cdef void suggest_signs(ActiveSet m, const double* z, const double* z_box) noexcept
 cdef bint suggest_point(DenseActiveSet m, object x0)
 cdef bint is_met(double side, double value) noexcept
 cdef bint suggest_solution(DenseActiveSet m, object point)
 cdef bint is_vector(object value, Py_ssize_t size)
-cdef bint put(object value, double* place, Py_ssize_t size, double sign)

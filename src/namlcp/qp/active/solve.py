@@ -14,9 +14,9 @@ import numpy as np
 from cython import Py_ssize_t
 from cython.cimports import numpy as cnp
 from cython.cimports.libc.math import INFINITY, fabs, sqrt
+from cython.cimports.libc.string import memcpy
 from cython.cimports.namlcp.limits import Settings
 from cython.cimports.namlcp.linalg.arrays import (
-    NO_ENTRIES,
     are_places,
     data_of,
     fits,
@@ -24,7 +24,7 @@ from cython.cimports.namlcp.linalg.arrays import (
     new_zeros,
     places,
 )
-from cython.cimports.namlcp.linalg.vectors import copy, dot, fill, hash_of
+from cython.cimports.namlcp.linalg.vectors import copy, dot, fill
 from cython.cimports.namlcp.measure import rounding_errors
 from cython.cimports.namlcp.qp.active.dense import DenseActiveSet
 from cython.cimports.namlcp.qp.active.engine import (
@@ -33,22 +33,14 @@ from cython.cimports.namlcp.qp.active.engine import (
     LATE,
     SUMMED,
     UNBOUNDED,
-    claim_place,
-    forget_responses,
     forget_rows,
     make_room,
-    response_of,
 )
 from cython.cimports.namlcp.qp.active.null import NullSpace
 from cython.cimports.namlcp.qp.active.rounds import NO_WEIGHT
 from cython.cimports.namlcp.qp.active.sparse import SparseActiveSet
-from cython.cimports.namlcp.qp.intake import is_finite, is_side
-from cython.cimports.namlcp.result_base import (
-    Numbers,
-    ResultBase,
-    new_result,
-    residuals_of,
-)
+from cython.cimports.namlcp.qp.intake import is_finite, is_side, stamp_of
+from cython.cimports.namlcp.result_base import Numbers, ResultBase, new_result
 from cython.cimports.namlcp.watch import begin_watch, raise_kept
 from scipy.sparse import csc_array, csc_matrix
 
@@ -79,6 +71,8 @@ OUTCOMES = {
 # as take its time: FEW, and for each entry of P, G and A that is not zero PASSES, and
 # for each variable OF_COST more where it is one of P, OF_ROWS where it is one of a row.
 FEW_OPERATIONS, PASSES, OF_COST, OF_ROWS = 1e7, 200.0, 0.5, 2.0
+# The sign of the infinity that means no bound in q, h, b, lb and ub.
+OPEN_SIDES = 0.0, 1.0, 0.0, -1.0, 1.0
 # Largest slack of a row that counts as active at a point, relative.
 ACTIVE = problem.ACTIVE
 # Operations of what is made anew, over those from which on a method gives up.
@@ -215,7 +209,7 @@ def solve_small(
     if is_copied and m.code == DONE and not is_certain(m):
         return m
     result: ResultBase = result_of(m, kind, given, start, ready)
-    result.stamp = stamp_of(m, given[:6:2] if is_sparse else (P, G, A))
+    result.stamp = stamp_of(given)
     if keeps and m.code == DONE and not is_sparse:
         result.factors = factors_of(m)
     return result
@@ -226,17 +220,12 @@ def small_form(C):
 
     Others as given.
     """
-    if not cnp.PyArray_CheckExact(C):
+    if C is None or fits(C, 2) or not cnp.PyArray_CheckExact(C):
         return C
-    array: cnp.ndarray = C
-    is_by_columns: cython.bint = (
-        cnp.PyArray_EquivTypenums(cnp.PyArray_TYPE(array), cnp.NPY_DOUBLE)
-        and cnp.PyArray_NDIM(array) == 2
-        and cnp.PyArray_DIM(array, 0) <= MOST_ORDER
-        and cnp.PyArray_ISFARRAY_RO(array)
-        and not cnp.PyArray_ISCARRAY_RO(array)
-    )
-    return cnp.PyArray_NewCopy(array, cnp.NPY_CORDER) if is_by_columns else C
+    is_by_columns: cython.bint = fits(cnp.PyArray_Transpose(C, cython.NULL), 2)
+    if not is_by_columns or cnp.PyArray_DIM(C, 0) > MOST_ORDER:
+        return C
+    return cnp.PyArray_NewCopy(C, cnp.NPY_CORDER)
 
 
 def tiny_form(C, n):
@@ -249,11 +238,9 @@ def tiny_form(C, n):
     data, indices, indptr = C.data, C.indices, C.indptr
     if not (fits(data, 1) and are_places(indices) and are_places(indptr)):
         return None
-    if cnp.PyArray_DIM(indptr, 0) != n + 1 or n * n > TINY_ENTRIES:
-        return None
     rows: Py_ssize_t = C.shape[0]
     nnz: Py_ssize_t = cnp.PyArray_DIM(data, 0)
-    if n * (n + rows) > TINY_ENTRIES:
+    if cnp.PyArray_DIM(indptr, 0) != n + 1 or n * (n + rows) > TINY_ENTRIES:
         return None
     start, at, value = places(indptr, n + 1), places(indices, nnz), data_of(data)
     if start[0] != 0 or start[n] != nnz:
@@ -313,47 +300,31 @@ def solve_dense(qp, chain, guess, judge, memory=None):
     attach(m, own.P, own.G, own.A, True)
     suggest(m, guess)
     solve(m, own.joined(), settings, limits.deadline.at)
-    if own is not judge.qp:
-        return answer_of(m, judge, chain)
-    answer = answer_of(m, judge)
-    if answer is not None and answer.status is SOLVED:
+    answer = answer_of(m, judge, chain)
+    if own is judge.qp and answer is not None and answer.status is SOLVED:
         answer = answer._replace(factors=factors_of(m))
     return answer
 
 
-def answer_of(m: ActiveSet, judge, chain=None):
-    """Return the answer after a solve, None for other methods.
-
-    chain: the way from the judge's QP to that of m, None where it is the same.
-    """
-    point, is_contradiction = Point(*m.point), m.code == CONTRADICTION
+def answer_of(m: ActiveSet, judge, chain):
+    """Return the answer after a solve, None for other methods."""
+    point, is_sparse = Point(*m.point), isinstance(m, SparseActiveSet)
     if m.code == DONE or m.code == SUMMED or m.code == LATE:
-        if chain is not None:
-            judge.offer(chain.point(*point))
-        else:
-            judge.measure(point, residuals_of(m.found) if m.code == DONE else None)
+        judge.offer(chain.point(*point))
         if m.code == LATE:
             return judge.answer(Status.TIME_LIMIT, m.pivots, DUAL)
         return judge.answer(SOLVED, m.pivots, DUAL) if judge.is_solved else None
     if m.code not in OUTCOMES:
         return None
-    x, y, z, z_box = point
-    if isinstance(m, SparseActiveSet):  # leaves candidates: y and z, or a ray in z_box
-        if is_contradiction:
-            accepted = judge.accept_multipliers(x, y, z)
-        else:
-            accepted = judge.accept_ray(z_box, point)
-    elif chain is None:  # it passed on the same arrays
-        accepted = judge.keep(OUTCOMES[m.code], (point, residuals_of(m.found)))
-    else:
-        zero = Point(*map(np.zeros_like, point))
-        if is_contradiction:
-            proof = chain.point(*zero._replace(y=y, z=z), data=0.0)
-            near = chain.point(*zero)
-            accepted = judge.accept_multipliers(near.x, proof.y, proof.z)
-        else:
-            accepted = judge.accept_ray(chain.point(*zero._replace(x=x), data=0.0).x)
-    return judge.answer(OUTCOMES[m.code], m.pivots, DUAL) if accepted else None
+    zero = Point(*map(np.zeros_like, point))
+    near = point if is_sparse else chain.point(*zero)
+    if m.code == CONTRADICTION:
+        proof = chain.point(*zero._replace(y=point.y, z=point.z), data=0.0)
+        is_proved = judge.accept_multipliers(near.x, proof.y, proof.z)
+    else:  # a sparse one leaves the ray in z_box
+        ray = zero._replace(x=point.z_box if is_sparse else point.x)
+        is_proved = judge.accept_ray(chain.point(*ray, data=0.0).x, near)
+    return judge.answer(OUTCOMES[m.code], m.pivots, DUAL) if is_proved else None
 
 
 # ---- those who keep the object
@@ -383,11 +354,10 @@ def renew(m, qp):
 
 def is_slow_anew(m: ActiveSet):
     """Tell whether others are quicker after `renew`: all active rows need responses."""
-    if not isinstance(m, SparseActiveSet) or m.is_slow_anew:
-        return m.is_slow_anew
-    k = m.k + m.hints
-    cost = cython.cast(SparseActiveSet, m).response_operations
-    return k * cost + k**3 / 3 > MOST_ANEW * m.most_operations
+    if not isinstance(m, SparseActiveSet):
+        return False
+    k, cost = m.k + m.hints, cython.cast(SparseActiveSet, m).response_operations
+    return m.rho != 0.0 or k * cost + k**3 / 3 > MOST_ANEW * m.most_operations
 
 
 def suggest(m: ActiveSet, guess):
@@ -479,39 +449,24 @@ def step(m: ActiveSet, kind, vectors, problem, settings: Settings, start):
     return result_of(m, kind, problem, start, start)
 
 
-def updated(vectors, sizes, q, h, b, lb, ub):
-    """Return a copy of vectors, see `QP.joined`, in which some are others.
+def updated(vectors, parts: tuple, sizes: tuple):
+    """Return a copy of vectors, see `QP.joined`, with those parts that are not None.
 
-    None where one of these is no clean array, or has a number that takes a closer look.
+    None where one of these is no clean array of its size, or has a number that takes a
+    closer look.
     """
-    n: Py_ssize_t
-    m: Py_ssize_t
-    p: Py_ssize_t
-    n, m, p = sizes
-    made = new_vector(3 * n + m + p)
+    total = cnp.PyArray_SIZE(vectors)
+    made = new_vector(total)
     at = data_of(made)
-    copy(data_of(vectors), at, 3 * n + m + p)
-    if not (
-        put(q, at, n, 0.0)
-        and put(h, at + n, m, 1.0)
-        and put(b, at + n + m, p, 0.0)
-        and put(lb, at + n + m + p, n, -1.0)
-        and put(ub, at + 2 * n + m + p, n, 1.0)
-    ):
-        return None
+    copy(data_of(vectors), at, total)
+    for k in range(5):
+        part, size = parts[k], cython.cast(Py_ssize_t, sizes[k])
+        if part is not None:
+            if not is_side(part, OPEN_SIDES[k], size):
+                return None
+            copy(data_of(part), at, size)
+        at += size
     return made
-
-
-def put(value, place, size, sign):
-    """Copy a clean vector; False if it is none, or has a bad or a huge number.
-
-    sign: that of the infinity that means no bound, 0 where all numbers are finite.
-    """
-    if value is not None:
-        if not is_side(value, sign, size):
-            return False
-        copy(data_of(value), place, size)
-    return True
 
 
 # ---- batches
@@ -574,28 +529,6 @@ def factors_of(m: DenseActiveSet):
     other: DenseActiveSet = DenseActiveSet.__new__(DenseActiveSet)
     P, G, A = m.matrices
     attach(other, P, G, A, False)
-    copy(m.factor, other.factor, m.n * m.n)
-    copy(m.equations, other.equations, m.p * m.n)
-    copy(m.schur, other.schur, m.p * m.p)
-    copy(m.triangle, other.triangle, m.k * (m.k + 1) // 2)
-    forget_responses(other)
+    memcpy(other.memory, m.memory, other.memory_end)  # the layout of m begins like that
     other.k, other.skipped = m.k, m.skipped
-    for i in range(m.k):
-        row = other.active[i] = m.active[i]
-        copy(response_of(m, row), claim_place(other, row), m.length)
     return other
-
-
-def stamp_of(m, matrices):
-    """Return a hash of all numbers of the QP at hand; `matrices`: P, G and A."""
-    n, total = m.n, cython.cast(cython.ulonglong, 0)
-    for C in matrices:
-        entries: cnp.ndarray = NO_ENTRIES
-        if C is not None:
-            entries = C if cnp.PyArray_CheckExact(C) else C.data
-        total = hash_of(data_of(entries), cnp.PyArray_SIZE(entries), total)
-    total = hash_of(m.q, n, total)
-    total = hash_of(m.h, m.m, total)
-    total = hash_of(m.b, m.p, total)
-    total = hash_of(m.lb, n, total)
-    return hash_of(m.ub, n, total)

@@ -26,7 +26,7 @@ cdef double SHIFT, LEAST_PIVOT, REACHED, FIXED, MOST_OPERATIONS, ACCURATE, GAIN
 cdef enum:
     MOST_PASSES = 4
 
-cdef bint is_weighed(SparseActiveSet m, double rho) noexcept nogil
+cdef bint is_weighed(SparseActiveSet m) noexcept nogil
 cdef void solve_base(SparseActiveSet m, const double* rhs, double* values, Py_ssize_t passes) noexcept nogil
 cdef void subtract_product(SparseActiveSet m, const double* u, double* r) noexcept nogil
 cdef void times_both(const Columns* M, Py_ssize_t count, Py_ssize_t n, const double* x, double* Mx, const double* y, double* Mty) noexcept nogil

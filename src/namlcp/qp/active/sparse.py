@@ -56,7 +56,6 @@ FIXED = 1e-11
 # Operations for each entry of K, G, L and a vector from which on another method is
 # quicker: the interior-point method takes about a microsecond for an entry.
 MOST_OPERATIONS = 2000.0
-# MOST_PASSES: most passes of refinement.
 
 
 class SparseActiveSet:
@@ -93,10 +92,8 @@ class SparseActiveSet:
         self.pivots = 0
         if not self.is_ready or is_faulty(self):
             return UNSUITED
-        if self.rho != 0.0:
-            rho = wanted_rho(self)
-            if self.rho != rho and not is_weighed(self, rho):
-                return UNSUITED
+        if self.rho != 0.0 and self.rho != wanted_rho(self) and not is_weighed(self):
+            return UNSUITED
         return solve_at_hand(self)
 
     def times_cost(self, x, Px):
@@ -110,10 +107,7 @@ class SparseActiveSet:
             Px[j] = total
 
     def attach(self, P, G, A):
-        """Take matrices, and what depends on them: factors, units, memory.
-
-        The same pattern as before saves time.
-        """
+        """Take matrices, and make what depends on them; an old pattern saves time."""
         self.n, self.m, self.p = P.shape[0], G.shape[0], A.shape[0]
         self.matrices, self.by_row = (P, G, A), (by_rows(G), by_rows(A))
         take_columns(self.by_row[0], self.m, cython.address(self.G))
@@ -136,8 +130,7 @@ class SparseActiveSet:
         entries = self.factors.entries + kkt.base.size + G.nnz + self.length
         self.most_operations = MOST_OPERATIONS * entries
         self.is_ready = True
-        self.is_slow_anew = not self.factor_and_try()
-        if self.is_slow_anew:  # prepare W, of which the first solve chooses rho
+        if not self.factor_and_try():  # prepare W, of which the first solve chooses rho
             copy(self.cost, self.shape, self.n)
             self.largest = largest_entry(self.cost, self.n)
             set_shape(self)
@@ -165,15 +158,14 @@ class SparseActiveSet:
         return error <= REACHED
 
 
-def is_weighed(m, rho):
+def is_weighed(m):
     """Factor P + W, in the place of P; tell whether that allows accurate solves.
 
-    Apart from `decide`, as a function with a block like this takes the GIL whenever it
-    ends.
+    Apart from `decide`: a function with a block like this takes the GIL as it ends.
     """
-    m.rho = rho
+    m.rho = wanted_rho(m)
     for j in range(m.n):
-        m.weight[j] = rho * m.shape[j]
+        m.weight[j] = m.rho * m.shape[j]
         m.base[m.indptr[j + 1] - 1] = m.cost[j] + m.weight[j]
     with cython.gil:
         try:
@@ -188,7 +180,6 @@ def is_weighed(m, rho):
 
 
 def solve_base(m, rhs, values, passes):
-    """Set values = (G x, x, y) for (x, y) = K^-1 rhs, with passes of refinement."""
     u = values + m.m
     m.factors.solve_into(rhs, u)
     for _ in range(passes):
@@ -230,7 +221,6 @@ def times_both(M, count, n, x, Mx, y, Mty):
 
 
 def set_shifted(m, is_all):
-    """Set the values of K~, with R = 0 or not."""
     copy(m.base, m.data, m.indptr[m.size])
     for j in range(0 if is_all else m.n, m.size):
         shift = SHIFT / (m.unit[j] * m.unit[j])
