@@ -15,7 +15,7 @@ from namlcp.lcp.data import LCP, Criterion, is_solved_by_zero
 from namlcp.lcp.general.cones import System, system_of
 from namlcp.lcp.general.distances import Distances, Plain
 from namlcp.lcp.general.exact import finish, proximal_steps
-from namlcp.lcp.general.paths import mehrotra
+from namlcp.lcp.general.paths import arc, farkas, mehrotra
 from namlcp.lcp.pivoting.rays import proof
 from namlcp.lcp.shifted import Shifted
 from namlcp.limits import Limits
@@ -83,7 +83,22 @@ class Search(Criterion):
             self.limits.report(self.count, residual, self.lcp.active(self.z))
 
     def by_path(self) -> None:
+        """Follow an infeasible interior path."""
         self.follow(mehrotra(self.model, self.system), "path")
+
+    def by_arc(self) -> Outcome | None:
+        """Follow Lemke's homotopy; where it diverges, ask if that is a proof."""
+        last = self.follow(arc(self.model, system_of(self.model.M)), "arc")
+        return None if self.over() else self.disproved(self.clipped(last))
+
+    def by_proof(self) -> Outcome | None:
+        """Ask for a proof that there is no solution."""
+        for v in farkas(self.lcp):
+            found = self.disproved(v) if v.any() else None
+            self.count += 1
+            if found is not None or self.over():
+                return found
+        return None
 
     def follow(self, points: Iterator[np.ndarray], method: str) -> np.ndarray:
         """Follow a path to its end; return its last point, having offered its best.
