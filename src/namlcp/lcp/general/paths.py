@@ -46,15 +46,12 @@ SHIFT, STEPS = 1e-11, 100
 STEP_PART = 0.99
 # Range of the mean product aimed at, relative to the present one.
 LEAST_CENTRING, MOST_CENTRING = 1e-4, 0.9
-# So many steps in a row shorter than JAM end the path. So does, from step FIRST_STALL
-# on, an error below SETTLED that does not halve in STALL steps; before, it may fall as
-# slowly on the way to a solution, in heaps of 10^4 bodies.
-JAM, JAMS, STALL, FIRST_STALL, SETTLED = 0.05, 3, 8, 15, 1e-9
+# So many steps in a row shorter than JAM end the path.
+JAM, JAMS = 0.05, 3
 # A proof is sought once Res of the path is below CLEAR, and again whenever it has
 # fallen to the part CLEARER, at most down to ENOUGH. If then no v_i, relative to its
-# bound, exceeds FEASIBLE, the linear program counts as feasible. It is scaled by
-# EQUILIBRATIONS rounds of dividing rows and columns by roots of their absolute sums.
-CLEAR, CLEARER, ENOUGH, FEASIBLE, EQUILIBRATIONS = 1e-3, 0.01, 1e-10, 1e-6, 3
+# bound, exceeds FEASIBLE, the linear program counts as feasible.
+CLEAR, CLEARER, ENOUGH, FEASIBLE = 1e-3, 0.01, 1e-10, 1e-6
 # Of `arc`: what is added to the unit diagonal; steps at most; more with friction cones,
 # where the curve leads to a solution, but may wind: with 4000 unknowns it has been seen
 # to turn 100 times, with 2000 to take 2100 steps.
@@ -86,16 +83,10 @@ def mehrotra(model: Distances, system: System) -> Iterator[np.ndarray]:
     """Yield the points p of the path, one factorisation from one to the next."""
     p, gaps = model.start()
     at = PathPoint(p, gaps, np.ones(gaps.size))  # max |c_i| of the model is 1
-    least, jams = [math.inf], 0
+    jams = 0
     for _ in range(STEPS):
         yield at.p
         excess = model.F(at.p) - model.total(at.m)
-        error = float(np.abs(excess).max(initial=0.0))
-        error = max(error, float((at.gaps * at.m).max(initial=0.0)))
-        least.append(min(error, least[-1]))
-        may_stall = len(least) > FIRST_STALL and least[-1] <= SETTLED
-        if may_stall and least[-1] > 0.5 * least[-1 - STALL]:
-            return
         ratio = at.m / at.gaps
         factors = system.factors(model.total(ratio, 1.0) + SHIFT)
         if factors is None:
@@ -159,14 +150,11 @@ def farkas(lcp: LCP) -> Iterator[np.ndarray]:
     B = sparse.csr_array(lcp.A)[rows]
     matrix = sparse.block_array([[None, -B.T], [B, None]], format="csc")
     q = np.concatenate((np.zeros(n), lcp.q[rows]))
-    d, size = np.ones(q.size), abs(matrix)
-    for _ in range(EQUILIBRATIONS):
-        total = np.maximum(size @ d, size.T @ d) * d
-        d /= np.sqrt(np.where(total > 0.0, total, 1.0))
-    weights = d[n:] * (np.abs(d * q).max(initial=0.0) or 1.0)
+    root = np.append(lcp.matrix.root, lcp.matrix.root[rows])
+    weights = (np.abs(q / root).max(initial=0.0) or 1.0) / root[n:]
     lower = np.append(lcp.lower, np.where(low[rows], 0.0, -weights))
     upper = np.append(lcp.upper, np.where(high[rows], 0.0, weights))
-    model = Distances(matrix, q, lower, upper, 1.0 / d)
+    model = Distances(matrix, q, lower, upper, root)
     system = Shifted(model.M, np.where(model.unfixed < n, 1.0, -1.0))
     aim = CLEAR
     for p in mehrotra(model, system):
