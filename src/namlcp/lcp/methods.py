@@ -1,4 +1,4 @@
-"""The table of all methods for LCPs, the route to them, and those that try several.
+"""The methods for LCPs by name, and the route of those that try several.
 
 "auto" solves every LCP with a P-matrix or a semidefinite matrix, as far as rounding
 allows: large sparse ones by sweeps and cycles as long as these converge fast enough,
@@ -7,7 +7,7 @@ makes no progress, `solve_general` goes on. No method solves every LCP: the prob
 NP-complete (Chung, J. Optim. Theory Appl. 60, 1989, 393-399).
 """
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -15,7 +15,6 @@ import numpy as np
 
 from namlcp.checks import vector
 from namlcp.lcp.data import LCP, LCPPoint
-from namlcp.lcp.general.cones import system_of
 from namlcp.lcp.general.lemke import (
     LARGEST_ENUMERATION,
     solve_by_enumeration,
@@ -23,7 +22,6 @@ from namlcp.lcp.general.lemke import (
     solve_game,
     solve_lemke,
 )
-from namlcp.lcp.general.paths import arc, farkas
 from namlcp.lcp.general.search import Search
 from namlcp.lcp.loops import MOST_SMALL
 from namlcp.lcp.modulus.methods import SWEEPS
@@ -53,36 +51,41 @@ UNDECIDED = "no solution was found, and no proof that there is none"
 
 
 class Method(NamedTuple):
-    """A row of the table.
+    """solve(lcp, z0, limits, **options), and the options it takes beside the limits."""
 
-    solve(lcp, z0, limits, **options) returns an `Outcome`; of a stage of "general",
-    solve(search) returns one, or None. takes: the options of `solve_lcp`
-    that it has beside the limits; none: it has no name for users. stage: "auto" or
-    "general" where it is tried in the order of the table, if suits(matrix, deadline).
-    unsettled: statuses after which "auto" goes on to the next one.
-    """
-
-    name: str
-    doc: str
-    solve: Callable[..., Any]
-    takes: tuple[str, ...] = ()
-    stage: str = ""
-    suits: Callable[[Prepared, Deadline], bool] = lambda A, deadline: True
-    unsettled: tuple[Status, ...] = ()
+    solve: Callable[..., Outcome]
+    takes: tuple[str, ...]
 
 
 def solve_auto(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:
     """Solve a checked box LCP; max_iter = None is the default of each method."""
     outcome, deadline = None, limits.deadline
-    for method in AUTO:
-        if method.suits(lcp.matrix, deadline):
-            if outcome is not None and deadline.reached():
-                return outcome._replace(status=Status.TIME_LIMIT)
-            outcome = method.solve(lcp, z0, limits)
-            if outcome.status not in method.unsettled:
-                return outcome
-            z0 = outcome.point.z
+    for solve, unsettled in ways(lcp.matrix, deadline):
+        if outcome is not None and deadline.reached():
+            return outcome._replace(status=Status.TIME_LIMIT)
+        outcome = solve(lcp, z0, limits)
+        if outcome.status not in unsettled:
+            return outcome
+        z0 = outcome.point.z
     raise AssertionError("pivoting suits every matrix")
+
+
+def ways(matrix: Prepared, deadline: Deadline) -> Iterator[tuple[Any, ...]]:
+    """Yield what "auto" tries, each with the statuses after which the next goes on."""
+    if isinstance(matrix.A, Operator):
+        yield solve_by_products, ()
+    if matrix.n > MOST_SMALL and matrix.is_general:
+        yield solve_general, ()
+    if matrix.tridiagonal is not None:
+        yield solve_by_elimination, (Status.DIVERGED,)
+    # Iterations may beat the factorisations of a large sparse matrix, and of a smaller
+    # tridiagonal one whose elimination met too many faces.
+    may_be_slow = matrix.n >= LARGE_LCP or matrix.tridiagonal is not None
+    if matrix.is_sparse and matrix.n > MOST_SMALL and may_be_slow:
+        yield solve_by_sweeps, (Status.STALLED, Status.MAX_ITER)
+        if hierarchy_of(matrix, deadline) is not None:
+            yield solve_by_multigrid, (Status.STALLED, Status.MAX_ITER)
+    yield solve_by_pivoting, ()
 
 
 def solve_general(
@@ -95,15 +98,33 @@ def solve_general(
     with np.errstate(all="ignore"):  # paths overflow where they diverge
         search = Search(lcp, limits, before)
         if z0 is not None and not search.over():
-            search.complete(search.model.p(lcp.start(z0)), "start")
-        for method in GENERAL:
+            search.complete(lcp.start(z0), "start")
+        for stage in stages(lcp.matrix):
             if search.over():
                 return search.outcome()
-            if method.suits(lcp.matrix, limits.deadline):
-                outcome = search.decided(method.solve(search))
-                if outcome is not None:
-                    return outcome
+            outcome = search.decided(stage(search))
+            if outcome is not None:
+                return outcome
         return search.outcome(UNDECIDED)
+
+
+def stages(matrix: Prepared) -> Iterator[Callable[[Search], Outcome | None]]:
+    """Yield what is tried on a general LCP: first what is likely to end it soon."""
+    n = matrix.n
+    yield solve_game
+    lemke_is_faster = n <= LEMKE_ORDER and isinstance(matrix.compact, np.ndarray)
+    if lemke_is_faster:
+        yield solve_by_lemke
+    yield Search.by_path
+    if n <= PROOF_ORDER:
+        yield Search.by_proof
+    if n <= LARGEST_ENUMERATION:
+        yield solve_by_enumeration
+    yield Search.by_arc
+    if n > PROOF_ORDER:
+        yield Search.by_proof
+    if n <= LAST_LEMKE and not lemke_is_faster:
+        yield solve_by_lemke
 
 
 def solve_by_pivoting(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:
@@ -124,97 +145,28 @@ def solve_by_elimination(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Out
     return outcome
 
 
-def is_large(matrix: Prepared, deadline: Deadline) -> bool:
-    """Tell whether iterations may beat the factorisations of a sparse matrix.
-
-    They may for smaller tridiagonal ones, too, whose elimination met too many faces.
-    """
-    if not matrix.is_sparse or matrix.n <= MOST_SMALL:
-        return False
-    return matrix.n >= LARGE_LCP or matrix.tridiagonal is not None
-
-
-def has_cycles(matrix: Prepared, deadline: Deadline) -> bool:
-    return is_large(matrix, deadline) and hierarchy_of(matrix, deadline) is not None
-
-
-def lemke_is_faster(matrix: Prepared, deadline: Deadline) -> bool:
-    """Tell whether Lemke's method is likely to take less time than the paths."""
-    return matrix.n <= LEMKE_ORDER and isinstance(matrix.compact, np.ndarray)
-
-
-def by_proof(search: Search) -> Outcome | None:
-    """Ask for a proof that there is no solution."""
-    for v in farkas(search.lcp):
-        found = search.disproved(v) if v.any() else None
-        search.count += 1
-        if found is not None or search.over():
-            return found
-    return None
-
-
-def by_arc(search: Search) -> Outcome | None:
-    """Follow the smooth homotopy; where it goes to infinity, ask if that is a proof."""
-    last = search.follow(arc(search.model, system_of(search.model.M)), "arc")
-    return None if search.over() else search.disproved(search.clipped(last))
-
-
-OPTIONS = "z0", "eps_rel"
-SLOW = Status.STALLED, Status.MAX_ITER
-
-# fmt: off
-METHODS = (
-    Method("auto", "the rows of auto that suit A", solve_auto, OPTIONS),
-    Method("mprgp", "A known by its products", solve_by_products, stage="auto",
-           suits=lambda A, _: isinstance(A.A, Operator)),
-    Method("general", "the rows of general that suit A", solve_general, stage="auto",
-           suits=lambda A, _: A.n > MOST_SMALL and A.is_general),
-    Method("tridiagonal", "elimination from a start nearby", solve_by_elimination,
-           stage="auto", suits=lambda A, _: A.is_sparse and A.tridiagonal is not None,
-           unsettled=(Status.DIVERGED,)),
-    Method("sor", "a few sweeps of projected SOR", solve_by_sweeps, stage="auto",
-           suits=is_large, unsettled=SLOW),
-    Method("multigrid", "cycles for differential equations", solve_by_multigrid,
-           OPTIONS, stage="auto", suits=has_cycles, unsettled=SLOW),
-    Method("pivoting", "then general, if stalled", solve_by_pivoting, stage="auto"),
-    Method("lemke", "Lemke's path of one covering vector", solve_lemke,
-           ("cover", "eps_rel")),
-    # What is likely to end the search soon comes first, by measured times.
-    Method("lemke-howson", "bimatrix games", solve_game, stage="general"),
-    Method("lemke first", "Lemke's paths", solve_by_lemke, stage="general",
-           suits=lemke_is_faster),
-    Method("path", "an infeasible interior path", Search.by_path, stage="general"),
-    Method("farkas", "a proof", by_proof, stage="general",
-           suits=lambda A, _: A.n <= PROOF_ORDER),
-    Method("enumeration", "all cones", solve_by_enumeration, stage="general",
-           suits=lambda A, _: A.n <= LARGEST_ENUMERATION),
-    Method("arc", "Lemke's homotopy as a smooth curve", by_arc, stage="general"),
-    Method("farkas last", "a proof that takes long", by_proof, stage="general",
-           suits=lambda A, _: A.n > PROOF_ORDER),
-    Method("lemke last", "Lemke's paths", solve_by_lemke, stage="general",
-           suits=lambda A, end: LAST_LEMKE >= A.n and not lemke_is_faster(A, end)),
-    *(Method(name, row.doc, partial(sweep, method=name), (*row.takes, "s0", "z0"))
-      for name, row in SWEEPS.items()),
-)
-# fmt: on
-
-AUTO = [method for method in METHODS if method.stage == "auto"]
-GENERAL = [method for method in METHODS if method.stage == "general"]
-NAMED = {method.name: method for method in METHODS if method.takes}
+METHODS = {
+    "auto": Method(solve_auto, ("z0", "eps_rel")),
+    "multigrid": Method(solve_by_multigrid, ("z0", "eps_rel")),
+    "lemke": Method(solve_lemke, ("cover", "eps_rel")),
+} | {
+    name: Method(partial(sweep, method=name), (*row.takes, "s0", "z0"))
+    for name, row in SWEEPS.items()
+}
 
 
 def find_method(method: str, options: Collection[str] = ()) -> Method:
     """Return a method; raise if it is unknown or lacks an option that is given."""
     if not isinstance(method, str):
         raise TypeError(f"method must be a string, got {method!r}")
-    if method not in NAMED:
-        near = nearest(method, NAMED)
+    if method not in METHODS:
+        near = nearest(method, METHODS)
         hint = f"; did you mean {near!r}?" if near else ""
-        raise ValueError(f"method must be one of {list(NAMED)}, got {method!r}{hint}")
-    found = NAMED[method]
+        raise ValueError(f"method must be one of {list(METHODS)}, got {method!r}{hint}")
+    found = METHODS[method]
     for name in options:
         if name not in found.takes:
-            takers = [other.name for other in NAMED.values() if name in other.takes]
+            takers = [other for other, row in METHODS.items() if name in row.takes]
             raise ValueError(
                 f"{name} is not a parameter of method {method!r}, "
                 f"only of {', '.join(takers)}"
@@ -239,7 +191,7 @@ def solve_by_method(
 
     is_next: whether the caller has the `Prepared` matrix, for one LCP after another.
     """
-    found = NAMED[method]
+    found = METHODS[method]
     # A LinearOperator is the user's code: it keeps the user's number of BLAS threads.
     order = 0 if isinstance(lcp.A, Operator) else lcp.q.size
     with blas_threads(1, order):

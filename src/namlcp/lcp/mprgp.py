@@ -30,6 +30,7 @@ import math
 
 import numpy as np
 from scipy.linalg.blas import dnrm2
+from scipy.sparse.linalg import LinearOperator, cg
 
 from namlcp.lcp.data import LCP, Criterion
 from namlcp.limits import Limits
@@ -213,19 +214,9 @@ class Descent:
         for v = -p (scaled), and x is subtracted.
         """
         v = -p / np.max(np.abs(p))
-        r = self.product(v)
-        d = r
-        for _ in range(RAY_PRODUCTS):
-            rr = float(r @ r)
-            if rr <= (0.1 * RAY_PRODUCT * self.norm) ** 2 * float(v @ v):
-                break
-            Ad = self.product(d)
-            dAd = float(d @ Ad)
-            if not dAd > 0.0:
-                break
-            v = v - (rr / dAd) * d
-            r = r - (rr / dAd) * Ad
-            d = r + (float(r @ r) / rr) * d
+        A = LinearOperator((v.size, v.size), matvec=self.product, dtype=np.float64)
+        least = 0.1 * RAY_PRODUCT * self.norm * np.linalg.norm(v)
+        v -= cg(A, A @ v, rtol=0.0, atol=least, maxiter=RAY_PRODUCTS)[0]
         v = np.where(np.abs(v) <= RAY_ENTRY * np.max(np.abs(v)), 0.0, v)
         fall = float(self.q @ v)
         most = RAY_PRODUCT * self.norm * np.linalg.norm(v)

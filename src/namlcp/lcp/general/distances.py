@@ -71,10 +71,6 @@ class Distances:
         z[full] = self.top[full]
         return z
 
-    def p(self, z: np.ndarray) -> np.ndarray:
-        """Return the distances that belong to z."""
-        return (z - self.base)[self.unfixed] / (self.unit * self.scale)
-
     def F(self, p: np.ndarray) -> np.ndarray:
         F = self.M @ p
         F += self.c

@@ -12,10 +12,11 @@ import numpy as np
 from scipy import sparse
 
 from namlcp.lcp.data import LCP, Criterion, is_solved_by_zero
-from namlcp.lcp.general.cones import System, system_of
+from namlcp.lcp.general.cones import system_of
 from namlcp.lcp.general.distances import Distances, Plain
-from namlcp.lcp.general.exact import finish, proximal_steps
-from namlcp.lcp.general.paths import mehrotra
+from namlcp.lcp.general.paths import arc, farkas, mehrotra
+from namlcp.lcp.general.proximal import proximal_steps
+from namlcp.lcp.pivoting.driver import Attempt
 from namlcp.lcp.pivoting.rays import proof
 from namlcp.lcp.shifted import Shifted
 from namlcp.limits import Limits
@@ -26,6 +27,8 @@ from namlcp.status import Outcome, Status
 # to the part AGAIN of that there; that of a point which is exact, whatever the
 # tolerances say. A path that has solved the problem, not exactly, has LEFT steps more.
 TARGET, CLOSE, AGAIN, EXACT, LEFT = 1e-9, 1e-4, 0.01, 1e-12, 30
+# Factorisations of a search for the exact solution, at most.
+PIVOTS = 20
 # Factorisations at most, by default: beyond those of earlier methods.
 FACTORISATIONS = 5000
 
@@ -57,13 +60,6 @@ class Search(Criterion):
         except np.linalg.LinAlgError:
             return None
 
-    @cached_property
-    def system(self) -> System:
-        M = self.model.M
-        if self.lcp.matrix.symmetric and sparse.issparse(M):
-            return Shifted(M, np.ones(M.shape[0]))
-        return system_of(M)
-
     def over(self) -> bool:
         """Tell whether to stop: nothing is left to do, or a limit is reached."""
         return self.ended or self.count >= self.most or self.limits.deadline.reached()
@@ -83,18 +79,41 @@ class Search(Criterion):
             self.limits.report(self.count, residual, self.lcp.active(self.z))
 
     def by_path(self) -> None:
-        self.follow(mehrotra(self.model, self.system), "path")
+        """Follow an infeasible interior path."""
+        M, symmetric = self.model.M, self.lcp.matrix.symmetric
+        signs = np.ones(M.shape[0]) if symmetric and sparse.issparse(M) else None
+        system = Shifted(M, signs) if symmetric else system_of(M)
+        best = self.follow(mehrotra(self.model, system), "path")
+        if symmetric and not self.over():
+            for p in proximal_steps(self.model, system, best):
+                self.offer(self.clipped(p), "path")
+                self.counts()
+                self.ended = self.solved
+                if self.over():
+                    break
+
+    def by_arc(self) -> None:
+        """Follow Lemke's homotopy."""
+        self.follow(arc(self.model, system_of(self.model.M)), "arc")
+
+    def by_proof(self) -> Outcome | None:
+        """Ask for a proof that there is no solution."""
+        for v in farkas(self.lcp):
+            found = self.disproved(v) if v.any() else None
+            self.count += 1
+            if found is not None or self.over():
+                return found
+        return None
 
     def follow(self, points: Iterator[np.ndarray], method: str) -> np.ndarray:
-        """Follow a path to its end; return its last point, having offered its best.
+        """Follow a path to its end; return its best point, which is offered.
 
         The exact solution is sought on the way as well: the end of a path may wind, or
         be lost in rounding, where the face has long been found.
         """
         model, least, aim, left = self.model, math.inf, CLOSE, LEFT
-        best = last = np.zeros(model.c.size)
+        best = np.zeros(model.c.size)
         for p in points:
-            last = p
             found = model.residual(p, model.F(p))
             if found < least:
                 least, best = found, p
@@ -103,41 +122,34 @@ class Search(Criterion):
                 break
             if found <= aim:
                 aim = AGAIN * found
-                self.seek(finish(model, self.system, p), method)
+                self.ended = self.pivot(self.clipped(p), method)
                 if self.over():
                     break
             self.counts()
         self.offer(self.clipped(best), method)
         if least <= CLOSE and not self.over():
-            self.complete(best, method)
-        if self.lcp.matrix.symmetric and not self.over():
-            self.seek(proximal_steps(model, self.system, best), method, True)
-        return last
+            self.complete(self.clipped(best), method)
+        return best
 
-    def complete(self, p: np.ndarray, method: str) -> None:
-        """Seek the exact solution near p; a solution then ends the search."""
-        self.seek(finish(self.model, self.system, p), method)
-        self.ended |= self.solved
+    def complete(self, z: np.ndarray, method: str) -> None:
+        """Seek the exact solution near z; a solution then ends the search."""
+        self.ended = self.pivot(z, method) or self.solved
 
-    def seek(
-        self, points: Iterator[np.ndarray], method: str, any_solution: bool = False
-    ) -> None:
-        """Seek an exact solution among points, or any one; only that ends the search.
-
-        The points come at one factorisation each.
-        """
-        for x in points:
-            self.offer(self.clipped(x), method)
-            self.counts()
-            exact = self.model.residual(x, self.model.F(x)) <= EXACT
-            self.ended = exact or (any_solution and self.solved)
-            if self.over():
-                break
+    def pivot(self, z: np.ndarray, method: str) -> bool:
+        """Offer the point that pivoting finds from z; tell whether it is exact."""
+        limits = self.limits._replace(eps_abs=0.0, eps_rel=EXACT)
+        attempt = Attempt(self.lcp, z, limits, ask_convex=False)
+        attempt.factorisations = self.count
+        attempt.most = min(self.most, self.count + PIVOTS)
+        attempt.run()
+        self.count = attempt.factorisations
+        self.offer(attempt.best(), method)
+        return attempt.solved
 
     def decided(self, outcome: Outcome | None) -> Outcome | None:
         """Return the outcome of another method if it ends the search, else keep z.
 
-        A solution that is not exact is the start of a search for one.
+        Near a solution that is not exact one is sought.
         """
         if outcome is None or outcome.status is Status.UNSOLVABLE:
             return outcome
@@ -145,7 +157,8 @@ class Search(Criterion):
         if outcome.status is not Status.SOLVED:
             return None
         if self.least > EXACT * self.size:
-            self.complete(self.model.p(outcome.point.z), outcome.method)
+            if not self.pivot(outcome.point.z, outcome.method):
+                self.by_path()
         return self.lcp.outcome(
             outcome.status, self.z, self.w, outcome.iterations, self.method
         )
