@@ -1,7 +1,7 @@
 from namlcp.measure cimport Terms
 from namlcp.qp.active.dense cimport DenseActiveSet
 
-cdef double LEAST_PIVOT
+cdef double ACTIVE, LEAST_PIVOT
 cdef enum:
     AT_ONCE = 2000
     ARRAYS = 16
@@ -23,7 +23,7 @@ cdef class DenseItem:
         double *nu
         double *lower
         double *upper
-        # Sides of constraints, see `marks`; how many are weak.
+        # Sides of constraints; how many are weak.
         signed char *strict
         signed char *whole
         readonly Py_ssize_t weak
@@ -46,6 +46,7 @@ cdef class DenseItem:
         bint keeps
         object arrays
 
+cdef Py_ssize_t mark(const Terms* t, const double* share, const double* norms, const double* size, signed char* strict, signed char* whole) noexcept nogil
 cdef int locate(tuple arrays, tuple sizes, Py_ssize_t count, double* absent, double** start, Py_ssize_t* step) except -1
 cdef void set_item(DenseItem m, double** start, const Py_ssize_t* step, Py_ssize_t i) noexcept nogil
 cdef void mark_item(DenseItem m) noexcept nogil

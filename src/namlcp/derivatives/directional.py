@@ -24,9 +24,9 @@ from typing import Any
 import numpy as np
 from scipy.sparse import vstack
 
+from namlcp.derivatives.dense import sides_of
 from namlcp.derivatives.gradients import LCPTangent, QPTangent, right_sides
 from namlcp.derivatives.lcp import LCPDerivative
-from namlcp.derivatives.marks import sides_of
 from namlcp.derivatives.qp import QPDerivative, dependencies, factored, signs
 from namlcp.lcp import ACCURACY, lcp_data, solve_by_method
 from namlcp.limits import Limits

@@ -26,9 +26,9 @@ import numpy as np
 from scipy.sparse import csc_array, csr_array
 
 from namlcp.checks import from_arrays, no_rows
+from namlcp.derivatives.dense import sides_of_lcp
 from namlcp.derivatives.factors import DenseFactors, KKTFactors, SparseFactors
 from namlcp.derivatives.gradients import LCPGradients, LCPTangent, RankTwo, change
-from namlcp.derivatives.marks import sides_of_lcp
 from namlcp.lcp import LARGE_LCP, LCP, FreeSystem, Operator, Prepared, hierarchy_of
 from namlcp.linalg import arrays_of, by_rows, submatrix
 from namlcp.qp import KKT

@@ -48,7 +48,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from namlcp.checks import clean_copy, real_array, refuse_number
-from namlcp.derivatives.dense import DenseItem, differentiate_part
+from namlcp.derivatives.dense import DenseItem, differentiate_part, sides_of
 from namlcp.derivatives.factors import DenseFactors, KKTFactors
 from namlcp.derivatives.gradients import (
     BatchGradients,
@@ -58,7 +58,6 @@ from namlcp.derivatives.gradients import (
     product_of,
     right_sides,
 )
-from namlcp.derivatives.marks import sides_of
 from namlcp.linalg import add_transposed, by_rows, submatrix, times
 from namlcp.options import check_count
 from namlcp.qp import KKT, QP, Items, Point, available_cores, chunks_of, on_threads
@@ -82,7 +81,7 @@ class QPDerivative:
     point : Point
         The solution, with multipliers 0 of constraints that are not held.
     held, factors : array, DenseFactors or KKTFactors
-        Else the sides of the constraints held, see `marks`, and the factors of K.
+        Else the sides of the constraints held, see `dense`, and the factors of K.
     weak : int
         How many constraints are active with a multiplier 0.
     singular : bool
