@@ -93,13 +93,11 @@ def steepest(derivative: QPDerivative, whole: np.ndarray, d: dict[str, Any]) -> 
     return Point(point.x, *np.split(value, (qp.b.size, qp.b.size + qp.h.size)))
 
 
-def lcp_directional(
-    derivative: LCPDerivative, dA: Any, dq: Any, dlower: Any, dupper: Any
-) -> LCPTangent:
+def lcp_directional(derivative: LCPDerivative, *changes: Any) -> LCPTangent:
     if not derivative.weak and not derivative.singular:
-        return derivative.forward(dA, dq, dlower, dupper)
+        return derivative.forward(*changes)
     lcp, weak_side = derivative.lcp, derivative.weak_side
-    r, dl, du = derivative.direction(dA, dq, dlower, dupper)
+    r, dl, du = derivative.direction(*changes)
     change = np.where(weak_side < 0, dl, du)
     fixed = derivative.strict_side != 0
     lower = np.where(fixed | (weak_side < 0), change, -np.inf)

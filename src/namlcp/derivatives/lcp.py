@@ -67,30 +67,27 @@ class LCPDerivative:
             self.singular = True
 
     def backward(self, dz: Any, dw: Any) -> LCPGradients:
-        A, free, side = self.lcp.A, self.free, self.side
-        q = self.lcp.q
-        gz, gw = change("dz", dz, "q", q), change("dw", dw, "q", q)
-        rho = np.where(side != 0, gw, 0.0)
-        right = gz + rho @ A if rho.any() else gz
-        rho[free] = self.factors.solve(-right[free], transposed=True)
-        mu = gz + rho @ A
+        q, side = self.lcp.q, self.side
+        rho, mu = self.solve(change("dz", dz, "q", q), change("dw", dw, "q", q), True)
         lower, upper = np.where(side < 0, mu, 0.0), np.where(side > 0, mu, 0.0)
         product = RankTwo(1.0, rho, self.z, 0.0, rho, self.z)
         matrix = partial(product.on, self.given)
         return LCPGradients(rho, lower, upper, self.weak, self.singular, matrix)
 
-    def forward(self, dA: Any, dq: Any, dlower: Any, dupper: Any) -> LCPTangent:
-        A, free, side = self.lcp.A, self.free, self.side
-        r, dl, du = self.direction(dA, dq, dlower, dupper)
-        dz = np.where(side < 0, dl, np.where(side > 0, du, 0.0))
-        right = r + A @ dz if dz.any() else r
-        dz[free] = self.factors.solve(-right[free], transposed=False)
-        dw = np.where(side != 0, A @ dz + r, 0.0)
+    def forward(self, *changes: Any) -> LCPTangent:
+        r, dl, du = self.direction(*changes)
+        dz, dw = self.solve(r, np.where(self.side < 0, dl, du), False)
         return LCPTangent(dz, dw, self.weak, self.singular)
 
-    def direction(
-        self, dA: Any, dq: Any, dlower: Any, dupper: Any
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def solve(self, r: Any, fixed: Any, transposed: bool) -> tuple[Any, Any]:
+        """Return v and M v + r, M = A or A': v = fixed on B, M v + r = 0 on F."""
+        M, free = self.lcp.A.T if transposed else self.lcp.A, self.free
+        v = np.where(self.side != 0, fixed, 0.0)
+        right = r + M @ v if v.any() else r
+        v[free] = self.factors.solve(-right[free], transposed)
+        return v, np.where(self.side != 0, M @ v + r, 0.0)
+
+    def direction(self, dA: Any, dq: Any, dlower: Any, dupper: Any) -> tuple[Any, ...]:
         """Return dA z + dq, dlower and dupper for a direction of the data."""
         q, dA = self.lcp.q, change("dA", dA, "A", self.lcp.A)
         r = change("dq", dq, "q", q)
