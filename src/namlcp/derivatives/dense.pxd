@@ -47,7 +47,6 @@ cdef class DenseItem:
         object arrays
 
 cdef Py_ssize_t mark(const Terms* t, const double* share, const double* norms, const double* size, signed char* strict, signed char* whole) noexcept nogil
-cdef int locate(tuple arrays, tuple sizes, Py_ssize_t count, double* absent, double** start, Py_ssize_t* step) except -1
 cdef void set_item(DenseItem m, double** start, const Py_ssize_t* step, Py_ssize_t i) noexcept nogil
 cdef void mark_item(DenseItem m) noexcept nogil
 cdef bint serves(DenseActiveSet own, DenseItem m) noexcept nogil

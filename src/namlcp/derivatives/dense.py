@@ -21,7 +21,13 @@ import cython
 import numpy as np
 from cython import Py_ssize_t
 from cython.cimports.libc.math import fabs, sqrt
-from cython.cimports.namlcp.linalg.arrays import indices, numbers, places, signs
+from cython.cimports.namlcp.linalg.arrays import (
+    data_of,
+    indices,
+    numbers,
+    places,
+    signs,
+)
 from cython.cimports.namlcp.linalg.blas import (
     cholesky,
     cholesky_solve,
@@ -202,13 +208,13 @@ class DenseItem:
         The latter are there if they are asked for and small, else none of them.
         """
         n, m, p = self.qp.n, self.qp.m, self.qp.p
-        start = cython.declare(cython.p_double[4])
-        step = cython.declare(Py_ssize_t[4])
         q, h, b = np.empty(n), np.empty(m), np.empty(p)
         lb, ub = np.empty(n), np.empty(n)
-        locate(cotangents, (n, p, m, n), 1, self.zero, start, step)
-        self.of_x, self.of_y = start[0], start[1]
-        self.of_z, self.of_box = start[2], start[3]
+        dx, dy, dz, dz_box = cotangents
+        self.of_x = self.zero if dx is None else numbers(dx, n)
+        self.of_y = self.zero if dy is None else numbers(dy, p)
+        self.of_z = self.zero if dz is None else numbers(dz, m)
+        self.of_box = self.zero if dz_box is None else numbers(dz_box, n)
         self.u, self.lam, self.nu = numbers(q, n), numbers(h, m), numbers(b, p)
         self.lower, self.upper = numbers(lb, n), numbers(ub, n)
         solve_item(self)
@@ -219,25 +225,23 @@ class DenseItem:
         return (q, h, b, lb, ub), matrices
 
 
-def differentiate_part(chosen, arrays, found):
-    """Write the gradients of the chosen items to their rows of `found`.
+def differentiate_part(chosen, arrays, out, found):
+    """Write what `found`, a `Found`, has of the chosen items.
 
-    arrays: P, q, G, h, A, b, lb, ub, x, y, z, z_box and the gradients in these four,
-    each with the numbers of one item after another, or of one item that stands for all.
-    found: a `Found` of zeros; an item that is singular remains so.
+    arrays: P, q, G, h, A, b, lb, ub, x, y, z, z_box and the gradients in these four, of
+    all items. out: zeros, the first parts of `found`; they stay where K is singular.
     """
-    count: Py_ssize_t = found.q.shape[0]
+    count, width = cython.declare(Py_ssize_t), cython.declare(Py_ssize_t)
+    count, width = out.shape
     n: Py_ssize_t = found.q.shape[1]
     m: Py_ssize_t = found.h.shape[1]
     p: Py_ssize_t = found.b.shape[1]
     start = cython.declare(cython.p_double[ARRAYS])
     step = cython.declare(Py_ssize_t[ARRAYS])
     item: DenseItem = DenseItem(n, m, p)
-    sizes = n * n, n, m * n, m, p * n, p, n, n, n, p, m, n, n, p, m, n
-    locate(arrays, sizes, count, item.zero, start, step)
-    q, h = numbers(found.q, count * n), numbers(found.h, count * m)
-    b, lb = numbers(found.b, count * p), numbers(found.lb, count * n)
-    ub, weak = numbers(found.ub, count * n), indices(found.weak, count)
+    for k in range(ARRAYS):
+        start[k], step[k] = data_of(arrays[k]), arrays[k].strides[0] // 8
+    gradients, weak = numbers(out, count * width), indices(found.weak, count)
     side = signs(found.sides, count * (m + n))
     regular = signs(found.regular.view(np.int8), count)
     length: Py_ssize_t = chosen.size
@@ -246,8 +250,11 @@ def differentiate_part(chosen, arrays, found):
         for t in range(length):
             i = which[t]
             set_item(item, start, step, i)
-            item.u, item.lam, item.nu = q + i * n, h + i * m, b + i * p
-            item.lower, item.upper = lb + i * n, ub + i * n
+            item.u = gradients + i * width
+            item.lam = item.u + n
+            item.nu = item.lam + m
+            item.lower = item.nu + p
+            item.upper = item.lower + n
             mark_item(item)
             weak[i] = item.weak
             regular[i] = factor(item)
@@ -257,25 +264,8 @@ def differentiate_part(chosen, arrays, found):
                 side[i * (m + n) + k] = item.strict[k]
 
 
-def locate(arrays, sizes, count, absent, start, step):
-    """Find where arrays are that have `sizes` numbers for each one of `count` items.
-
-    step: the numbers from item to item, 0 for an array that is that of all items. In
-    place of an array that is None there is `absent`.
-    """
-    for k in range(len(arrays)):
-        start[k], step[k] = absent, 0
-        if arrays[k] is not None:
-            size: Py_ssize_t = sizes[k]
-            if arrays[k].size != size:
-                step[k] = size
-                size *= count
-            start[k] = numbers(arrays[k], size)
-    return 0
-
-
 def set_item(m, start, step, i):
-    """Take item i of the arrays that `locate` has found."""
+    """Take item i of arrays; step: the numbers from item to item."""
     qp = cython.address(m.qp)
     m.P, qp.q = start[0] + i * step[0], start[1] + i * step[1]
     m.G, qp.h = start[2] + i * step[2], start[3] + i * step[3]

@@ -297,17 +297,21 @@ def differentiate_items(
         refuse_number(f"d{name}", part, False)
     n, m, p = points.x.shape[1], points.z.shape[1], points.y.shape[1]
     count, chosen = which.size, np.flatnonzero(which)
-    q, h, b, lb, ub = (np.zeros((count, size)) for size in (n, m, p, n, n))
+    out = np.zeros((count, 3 * n + m + p))
     sides, weak = np.zeros((count, m + n), np.int8), np.zeros(count, np.intp)
-    found = Found(q, h, b, lb, ub, sides, weak, np.zeros(count, bool))
+    vectors = np.split(out, np.cumsum((n, m, p, n)), axis=1)
+    found = Found(*vectors, sides, weak, np.zeros(count, bool))
     if items.shared.is_dense:
-        given = (items.shared._asdict() | items.stacked).values()
-        clean = (clean_copy(v) for v in given)
-        arrays, dense = (*clean, *points, *parts), chosen
+        data, dense = items.shared._asdict(), chosen
+        clean = (  # of what all items share, with the stride 0
+            np.broadcast_to(clean_copy(items.stacked.get(k, v)), (count, *v.shape))
+            for k, v in data.items()
+        )
+        arrays = *clean, *points, *parts
         chunks = chunks_of(dense.size, (n + m + p) * n * n, threads)
 
         def work_on_part(k: int) -> None:
-            differentiate_part(dense[chunks[k]], arrays, found)
+            differentiate_part(dense[chunks[k]], arrays, out, found)
 
         on_threads(work_on_part, len(chunks), threads)
         chosen = dense[~found.regular[dense]]
