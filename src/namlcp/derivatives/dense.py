@@ -231,20 +231,19 @@ def differentiate_part(chosen, arrays, out, found):
     arrays: P, q, G, h, A, b, lb, ub, x, y, z, z_box and the gradients in these four, of
     all items. out: zeros, the first parts of `found`; they stay where K is singular.
     """
-    count, width = cython.declare(Py_ssize_t), cython.declare(Py_ssize_t)
-    count, width = out.shape
     n: Py_ssize_t = found.q.shape[1]
     m: Py_ssize_t = found.h.shape[1]
     p: Py_ssize_t = found.b.shape[1]
+    width: Py_ssize_t = out.shape[1]
+    length: Py_ssize_t = chosen.size
     start = cython.declare(cython.p_double[ARRAYS])
     step = cython.declare(Py_ssize_t[ARRAYS])
     item: DenseItem = DenseItem(n, m, p)
     for k in range(ARRAYS):
         start[k], step[k] = data_of(arrays[k]), arrays[k].strides[0] // 8
-    gradients, weak = numbers(out, count * width), indices(found.weak, count)
-    side = signs(found.sides, count * (m + n))
-    regular = signs(found.regular.view(np.int8), count)
-    length: Py_ssize_t = chosen.size
+    gradients, weak = numbers(out, out.size), indices(found.weak, found.weak.size)
+    side = signs(found.sides, found.sides.size)
+    regular = signs(found.regular.view(np.int8), found.regular.size)
     which = indices(chosen, length)
     with cython.nogil:
         for t in range(length):
