@@ -229,7 +229,8 @@ def differentiate_part(chosen, arrays, out, found):
     """Write what `found`, a `Found`, has of the chosen items.
 
     arrays: P, q, G, h, A, b, lb, ub, x, y, z, z_box and the gradients in these four, of
-    all items. out: zeros, the first parts of `found`; they stay where K is singular.
+    each item, or of one that stands for all. out: zeros, the first parts of `found`;
+    they stay where K is singular.
     """
     n: Py_ssize_t = found.q.shape[1]
     m: Py_ssize_t = found.h.shape[1]
@@ -240,7 +241,9 @@ def differentiate_part(chosen, arrays, out, found):
     step = cython.declare(Py_ssize_t[ARRAYS])
     item: DenseItem = DenseItem(n, m, p)
     for k in range(ARRAYS):
-        start[k], step[k] = data_of(arrays[k]), arrays[k].strides[0] // 8
+        start[k], step[k] = data_of(arrays[k]), 0
+        if arrays[k].shape[0] > 1:
+            step[k] = arrays[k].strides[0] // 8
     gradients, weak = numbers(out, out.size), indices(found.weak, found.weak.size)
     side = signs(found.sides, found.sides.size)
     regular = signs(found.regular.view(np.int8), found.regular.size)

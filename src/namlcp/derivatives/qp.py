@@ -302,12 +302,9 @@ def differentiate_items(
     vectors = np.split(out, np.cumsum((n, m, p, n)), axis=1)
     found = Found(*vectors, sides, weak, np.zeros(count, bool))
     if items.shared.is_dense:
-        data, dense = items.shared._asdict(), chosen
-        clean = (  # of what all items share, with the stride 0
-            np.broadcast_to(clean_copy(items.stacked.get(k, v)), (count, *v.shape))
-            for k, v in data.items()
-        )
-        arrays = *clean, *points, *parts
+        pairs, dense = items.shared._asdict().items(), chosen
+        data = (clean_copy(items.stacked.get(k, own[None])) for k, own in pairs)
+        arrays = *data, *points, *parts
         chunks = chunks_of(dense.size, (n + m + p) * n * n, threads)
 
         def work_on_part(k: int) -> None:
