@@ -299,8 +299,8 @@ def differentiate_items(
     count, chosen = which.size, np.flatnonzero(which)
     out = np.zeros((count, 3 * n + m + p))
     sides, weak = np.zeros((count, m + n), np.int8), np.zeros(count, np.intp)
-    vectors = np.split(out, np.cumsum((n, m, p, n)), axis=1)
-    found = Found(*vectors, sides, weak, np.zeros(count, bool))
+    q, h, b, lb, ub = np.split(out, np.cumsum((n, m, p, n)), axis=1)
+    found = Found(q, h, b, lb, ub, sides, weak, np.zeros(count, bool))
     if items.shared.is_dense:
         pairs, dense = items.shared._asdict().items(), chosen
         data = (clean_copy(items.stacked.get(k, own[None])) for k, own in pairs)
