@@ -15,8 +15,8 @@ solution has kinks, and an element of the generalised Jacobian is chosen as for 
 unknowns at a bound with w = 0 count as free, or as fixed where A_FF is singular with
 them.
 
-From order LARGE_LCP on, matrices like those of differential equations are inverted by
-a Krylov method with truncated multigrid cycles, with the hierarchy of the solve.
+From order LARGE_LCP on, matrices like those of differential equations are not factored:
+a Krylov method with truncated multigrid cycles has the hierarchy of the solve.
 """
 
 from functools import partial
@@ -33,23 +33,15 @@ from namlcp.lcp import LARGE_LCP, LCP, FreeSystem, Operator, Prepared, hierarchy
 from namlcp.linalg import arrays_of, by_rows, submatrix
 from namlcp.qp import KKT
 
+# Residual of multigrid solves, relative to the right-hand side.
 ACCURACY = 1e-12
-"""Residual of multigrid solves, relative to the right-hand side."""
 
 
 class LCPDerivative:
-    """The derivative of one solution: its fixed unknowns, and the factors of A_FF.
-
-    Attributes
-    ----------
-    weak : int
-        How many unknowns are at a bound with w = 0.
-    singular : bool
-        Whether A_FF is singular, F all unknowns with w = 0.
-    """
+    """The derivative of one solution; `weak` and `singular` as in `LCPGradients`."""
 
     def __init__(self, lcp: LCP, given: Any, z: np.ndarray, w: np.ndarray) -> None:
-        """Choose F and factor A_FF; `given`: A as the user holds it."""
+        """Choose F and factor A_FF; `given`: A as the user stores it."""
         if isinstance(lcp.A, Operator):
             raise ValueError("derivatives need the entries of A, got a LinearOperator")
         self.lcp, self.given, self.z = lcp, given, z
@@ -123,12 +115,9 @@ def sparse_factors(matrix: Prepared, free: np.ndarray) -> KKTFactors | SparseFac
 
 
 class Multigrid:
-    """A large sparse matrix by truncated cycles, factored where these do not converge.
+    """A large sparse A_FF by truncated cycles, factored where these do not converge."""
 
-    A matrix that suits the cycles counts as regular until it is factored.
-    """
-
-    regular = True
+    regular = True  # for all that is known before it is factored
 
     def __init__(self, matrix: Prepared, free: np.ndarray) -> None:
         self.matrix, self.free = matrix, free
@@ -157,5 +146,4 @@ class Multigrid:
                 if converged:
                     return u[self.free]
             self.factors = sparse_factors(self.matrix, self.free)
-            self.regular = self.factors.regular
         return self.factors.solve(r, transposed)
