@@ -229,10 +229,7 @@ class LCPGradients:
     upper: np.ndarray
     weak: int
     singular: bool
-    matrix: Callable[[], Any] = field(repr=False)
+    matrix: Callable[[str], Any] = field(repr=False)
     """Returns the gradient in A."""
 
-    @cached_property
-    def A(self) -> Any:
-        """The gradient in A."""
-        return self.matrix()
+    A = formed("A")

@@ -19,7 +19,6 @@ From order LARGE_LCP on, matrices like those of differential equations are not f
 a Krylov method with truncated multigrid cycles has the hierarchy of the solve.
 """
 
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -63,7 +62,10 @@ class LCPDerivative:
         rho, mu = self.solve(change("dz", dz, "q", q), change("dw", dw, "q", q), True)
         lower, upper = np.where(side < 0, mu, 0.0), np.where(side > 0, mu, 0.0)
         product = RankTwo(1.0, rho, self.z, 0.0, rho, self.z)
-        matrix = partial(product.on, self.given)
+
+        def matrix(_: str) -> Any:
+            return product.on(self.given)
+
         return LCPGradients(rho, lower, upper, self.weak, self.singular, matrix)
 
     def forward(self, *changes: Any) -> LCPTangent:

@@ -42,7 +42,6 @@ z_box zero outside the active bounds. All multipliers of the solution are then t
 one plus N t, with the signs that rows and bounds want.
 """
 
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -62,11 +61,9 @@ from namlcp.linalg import add_transposed, by_rows, submatrix, times
 from namlcp.options import check_count
 from namlcp.qp import KKT, QP, Items, Point, available_cores, chunks_of, on_threads
 
-VANISHED = 1e-9
-"""Entries of a combination up to this multiple of its largest one count as 0."""
-
-INDEPENDENT = 1e-6
-"""A combination of null vectors counts as 0 in the multipliers below this norm."""
+# Entries of a combination up to VANISHED of its largest one count as 0; in the
+# multipliers a combination of null vectors counts as 0 below the norm INDEPENDENT.
+VANISHED, INDEPENDENT = 1e-9, 1e-6
 
 
 class QPDerivative:
@@ -74,31 +71,20 @@ class QPDerivative:
 
     Attributes
     ----------
-    qp, solution : QP, Point
-        The problem and its solution.
     item : DenseItem or None
         A dense QP whose strictly active constraints have good Cholesky factors.
-    point : Point
-        The solution, with multipliers 0 of constraints that are not held.
     held, factors : array, DenseFactors or KKTFactors
         Else the sides of the constraints held, see `dense`, and the factors of K.
-    weak : int
-        How many constraints are active with a multiplier 0.
-    singular : bool
-        Whether K is singular with the strictly active constraints alone.
+    point : Point
+        The `solution`, with multipliers 0 of constraints that are not held.
+    weak, singular : int, bool
+        As in `QPGradients`.
     """
 
     def __init__(
-        self,
-        qp: QP,
-        point: Point,
-        given: tuple[Any, Any, Any] = (None, None, None),
-        factors: Any = None,
+        self, qp: QP, point: Point, given: Any = None, factors: Any = None
     ) -> None:
-        """Factor; `given`: P, G and A of the user.
-
-        `factors`: those of the solve, if they are there.
-        """
+        """Factor; `given`: P, G and A of the user; `factors`: those of the solve."""
         self.qp, self.given, self.solution = qp, given, point
         self.item: Any = None
         if qp.is_dense:
@@ -133,16 +119,20 @@ class QPDerivative:
             for name, d, own in parts
         )
         vectors, matrices = self.solve(given, True)
+
+        def matrix(name: str) -> Any:
+            product = product_of(vectors, self.point, name)
+            return product.on(self.given["PGA".index(name)])
+
         q, h, b, lb, ub = vectors
-        matrix, weak, singular = partial(self.matrix, vectors), self.weak, self.singular
-        gradients = QPGradients(q, h, b, lb, ub, weak, singular, matrix)
+        gradients = QPGradients(q, h, b, lb, ub, self.weak, self.singular, matrix)
         if matrices:
             gradients.P, gradients.G, gradients.A = matrices
         return gradients
 
     def solve(
         self, cotangents: tuple[np.ndarray | None, ...], with_matrices: bool = False
-    ) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
+    ) -> tuple[Any, Any]:
         """Return the gradients in q, h, b, lb and ub, small ones in P, G and A too."""
         if self.item is not None:
             return self.item.backward(cotangents, with_matrices)
@@ -166,11 +156,6 @@ class QPDerivative:
         add_transposed(A, nu, terms)
         mu = held * (gx - terms)
         return (0.0 - u, lam, nu, (side < 0) * mu, (side > 0) * mu), ()
-
-    def matrix(self, vectors: tuple[np.ndarray, ...], name: str) -> Any:
-        """Return the gradient in P, G or A in the form of the user's matrix."""
-        pattern = self.given["PGA".index(name)]
-        return product_of(vectors, self.point, name).on(pattern)
 
     def forward(self, changes: dict[str, Any]) -> QPTangent:
         """Return the derivative of the solution along a direction of the data.
