@@ -106,8 +106,8 @@ class Stack:
             for k, asked in zip(AXES, wanted, strict=True)
         ]
 
-    def differentiated(self, cotangents: tuple[Any, ...]) -> tuple[Found, Point]:
-        """Return what `differentiate_items` does for these gradients, one axis each."""
+    def differentiated(self, cotangents: tuple[Any, ...]) -> Found:
+        """Differentiate all items; the cotangents have one axis of them."""
         which = self.solved.reshape(-1)
         return differentiate_items(
             self.items, self.points, which, cotangents, self.threads
@@ -134,15 +134,15 @@ class Stack:
         changes = {name: np.array(v) for name, v in named if v is not None}
         for name, change in changes.items():
             refuse_number(f"d{name}", change, False)
-        held, point = self.held
+        point, sides = self.held.points, self.held.sides
         parts = {"q": "x", "b": "y", "h": "z", "lb": "x", "ub": "x"}
         absent = {k: np.zeros(getattr(point, part).shape) for k, part in parts.items()}
         d = absent | self.flattened(changes)
         r, dh, db = right_sides(d, point)
-        side = held.sides[:, point.z.shape[1] :]
+        side = sides[:, point.z.shape[1] :]
         dx = np.where(side > 0, d["ub"], d["lb"])  # read where x_j is held
-        found, _ = self.differentiated((-r, db, dh, dx))
-        return self.shaped(Point(-found.q, found.b, found.h, found.lb + found.ub))
+        q, h, b, lb, ub = self.differentiated((-r, db, dh, dx)).vectors
+        return self.shaped(Point(-q, b, h, lb + ub))
 
     @cached_property
     def items(self) -> Any:
@@ -153,7 +153,7 @@ class Stack:
         )
 
     @cached_property
-    def held(self) -> tuple[Found, Point]:
+    def held(self) -> Found:
         """The constraints held of each item, and the solution with multipliers used."""
         return self.differentiated(tuple(map(np.zeros_like, self.points)))
 
@@ -162,7 +162,7 @@ class Stack:
 
         The side is -1 at a lower bound, 1 at an upper one, else 0.
         """
-        sides = self.held[0].sides
+        sides = self.held.sides
         sides = sides.reshape(*self.lead, sides.shape[1])
         held, side = np.split(sides, [self.points.z.shape[1]], axis=-1)
         return held, side

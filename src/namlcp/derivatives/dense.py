@@ -225,16 +225,16 @@ class DenseItem:
         return (q, h, b, lb, ub), matrices
 
 
-def differentiate_part(chosen, arrays, out, found):
-    """Write what `found`, a `Found`, has of the chosen items.
+def differentiate_part(chosen, arrays, out, sides, weak, regular):
+    """Write what a `Found` has of the chosen items, its vectors side by side to `out`.
 
     arrays: P, q, G, h, A, b, lb, ub, x, y, z, z_box and the gradients in these four, of
-    each item, or of one that stands for all. out: zeros, the first parts of `found`;
-    they stay where K is singular.
+    each item, or of one that stands for all. The zeros in `out` stay where K is
+    singular.
     """
-    n: Py_ssize_t = found.q.shape[1]
-    m: Py_ssize_t = found.h.shape[1]
-    p: Py_ssize_t = found.b.shape[1]
+    n: Py_ssize_t = arrays[1].shape[1]
+    m: Py_ssize_t = arrays[3].shape[1]
+    p: Py_ssize_t = arrays[5].shape[1]
     width: Py_ssize_t = out.shape[1]
     length: Py_ssize_t = chosen.size
     start = cython.declare(cython.p_double[ARRAYS])
@@ -244,9 +244,11 @@ def differentiate_part(chosen, arrays, out, found):
         start[k], step[k] = data_of(arrays[k]), 0
         if arrays[k].shape[0] > 1:
             step[k] = arrays[k].strides[0] // 8
-    gradients, weak = numbers(out, out.size), indices(found.weak, found.weak.size)
-    side = signs(found.sides, found.sides.size)
-    regular = signs(found.regular.view(np.int8), found.regular.size)
+    gradients, side = numbers(out, out.size), signs(sides, sides.size)
+    weak_n, is_regular = (
+        indices(weak, weak.size),
+        signs(regular.view(np.int8), weak.size),
+    )
     which = indices(chosen, length)
     with cython.nogil:
         for t in range(length):
@@ -257,13 +259,11 @@ def differentiate_part(chosen, arrays, out, found):
             item.nu = item.lam + m
             item.lower = item.nu + p
             item.upper = item.lower + n
+            item.strict = side + i * (m + n)
             mark_item(item)
-            weak[i] = item.weak
-            regular[i] = factor(item)
-            if regular[i]:
+            weak_n[i], is_regular[i] = item.weak, factor(item)
+            if is_regular[i]:
                 solve_item(item)
-            for k in range(m + n):
-                side[i * (m + n) + k] = item.strict[k]
 
 
 def set_item(m, start, step, i):

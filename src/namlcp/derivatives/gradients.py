@@ -4,7 +4,7 @@ The gradients in the matrices are outer products: they are formed when asked for
 form in which the user gave the matrix, a sparse one on its stored entries alone.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -152,7 +152,7 @@ def change(name: str, value: Any, other: str, own: Any) -> Any:
     return vector(name, value, own.size, other, own.shape, finite=True)
 
 
-def product_of(vectors: tuple[np.ndarray, ...], point: Point, name: str) -> RankTwo:
+def product_of(vectors: Sequence[np.ndarray], point: Point, name: str) -> RankTwo:
     """Return the gradient in P, G or A from those in q, h and b, the first `vectors`.
 
     It is (g_q x' + x g_q') / 2, z g_q' - g_h x' or y g_q' - g_b x'.

@@ -246,18 +246,17 @@ def independent(
 
 
 class Found(NamedTuple):
-    """Gradients in the data of items, one after another, and what they hold.
+    """What is found of items, one after another.
 
-    sides (N, m + n): 1 for rows of G that are held; -1 for variables held at the lower
-    bound, 1 at the upper one; else 0. weak (N,): constraints with a multiplier 0;
-    regular (N,): whether the KKT system of the strictly active constraints is regular.
+    vectors: the gradients in q, h, b, lb and ub. points: the solutions with multipliers
+    0 of constraints that are not held. sides (N, m + n): 1 for rows of G that are held;
+    -1 for variables held at the lower bound, 1 at the upper one; else 0. weak (N,):
+    constraints with a multiplier 0; regular (N,): whether the KKT system of the
+    strictly active constraints is regular.
     """
 
-    q: np.ndarray
-    h: np.ndarray
-    b: np.ndarray
-    lb: np.ndarray
-    ub: np.ndarray
+    vectors: list[np.ndarray]
+    points: Point
     sides: np.ndarray
     weak: np.ndarray
     regular: np.ndarray
@@ -269,11 +268,11 @@ def differentiate_items(
     which: np.ndarray,
     cotangents: tuple[np.ndarray, ...],
     threads: int,
-) -> tuple[Found, Point]:
-    """Return the gradients of each item, and the solutions with the multipliers used.
+) -> Found:
+    """Differentiate each item on threads.
 
-    Items that are not in `which` (N,) have gradients and solutions 0. `solutions` and
-    `cotangents` have a leading axis.
+    Of items that are not in `which` (N,) all is 0. `solutions` and `cotangents` have a
+    leading axis.
     """
     shown = which[:, None]
     points = Point(*(np.where(shown, v, 0.0) for v in solutions))
@@ -283,9 +282,9 @@ def differentiate_items(
     n, m, p = points.x.shape[1], points.z.shape[1], points.y.shape[1]
     count, chosen = which.size, np.flatnonzero(which)
     out = np.zeros((count, 3 * n + m + p))
+    vectors = np.split(out, np.cumsum((n, m, p, n)), axis=1)
     sides, weak = np.zeros((count, m + n), np.int8), np.zeros(count, np.intp)
-    q, h, b, lb, ub = np.split(out, np.cumsum((n, m, p, n)), axis=1)
-    found = Found(q, h, b, lb, ub, sides, weak, np.zeros(count, bool))
+    regular = np.zeros(count, bool)
     if items.shared.is_dense:
         pairs, dense = items.shared._asdict().items(), chosen
         data = (clean_copy(items.stacked.get(k, own[None])) for k, own in pairs)
@@ -293,24 +292,23 @@ def differentiate_items(
         chunks = chunks_of(dense.size, (n + m + p) * n * n, threads)
 
         def work_on_part(k: int) -> None:
-            differentiate_part(dense[chunks[k]], arrays, out, found)
+            differentiate_part(dense[chunks[k]], arrays, out, sides, weak, regular)
 
         on_threads(work_on_part, len(chunks), threads)
-        chosen = dense[~found.regular[dense]]
+        chosen = dense[~regular[dense]]
 
     def work(k: int) -> None:
         i = chosen[k]
         point = Point(*(v[i] for v in points))
         derivative = QPDerivative(items.item(i)[0], point)
-        vectors, _ = derivative.solve(tuple(v[i] for v in parts))
-        for own, vector in zip(found, vectors, strict=False):
-            own[i] = vector
-        found.weak[i], found.regular[i] = derivative.weak, not derivative.singular
-        found.sides[i] = derivative.held[p:]
+        found, _ = derivative.solve(tuple(v[i] for v in parts))
+        out[i] = np.concatenate(found)
+        weak[i], regular[i] = derivative.weak, not derivative.singular
+        sides[i] = derivative.held[p:]
         _, points.y[i], points.z[i], _ = derivative.point
 
     on_threads(work, chosen.size, threads)
-    return found, points
+    return Found(vectors, points, sides, weak, regular)
 
 
 def differentiate_batch(
@@ -325,17 +323,17 @@ def differentiate_batch(
     check_count("threads", threads)
     pairs = zip(Point._fields, cotangents, points, strict=True)
     given = tuple(checked_gradient(*pair) for pair in pairs)
-    found, points = differentiate_items(items, points, used, given, threads)
+    found = differentiate_items(items, points, used, given, threads)
 
     def matrix(name: str) -> Any:
-        product = product_of(found, points, name)
+        product = product_of(found.vectors, found.points, name)
         if name in items.stacked:
             return product.stacked()
         return product.on(items.given["PGA".index(name)])
 
     q, h, b, lb, ub = (
         v.copy() if name in items.stacked else v.sum(axis=0)
-        for name, v in zip(("q", "h", "b", "lb", "ub"), found, strict=False)
+        for name, v in zip(("q", "h", "b", "lb", "ub"), found.vectors, strict=True)
     )
     singular = used & ~found.regular
     return BatchGradients(q, h, b, lb, ub, found.weak, singular, matrix, used)
