@@ -23,8 +23,6 @@ from namlcp.derivatives import (
     QPGradients,
     QPTangent,
     differentiate_batch,
-    lcp_directional,
-    qp_directional,
 )
 from namlcp.lcp import LCP, Operator, Prepared, solve_small
 from namlcp.linalg import times
@@ -260,7 +258,7 @@ class LCPResult(Single, LCPResultBase):
         >>> [float(result.directional(dq=[d]).z[0]) for d in (-1.0, 1.0)]
         [1.0, 0.0]
         """
-        return lcp_directional(self.derivative, dA, dq, dlower, dupper)
+        return self.derivative.directional(dA, dq, dlower, dupper)
 
     @property
     def derivative(self) -> LCPDerivative:
@@ -430,7 +428,7 @@ class QPResult(Single, ResultBase):
         It is exact where constraints are active with a multiplier 0, too, and not
         linear in the direction there; elsewhere it is that of `forward`, whose
         arguments and result it has. dlb and dub of a pinned variable must be equal. One
-        more QP is solved (`namlcp.derivatives.directional`); ValueError says that it
+        more QP is solved (`namlcp.derivatives.qp`); ValueError says that it
         has no solution.
 
         Examples
@@ -442,7 +440,7 @@ class QPResult(Single, ResultBase):
         [1.0, 0.0]
         """
         changes = dict(P=dP, q=dq, G=dG, h=dh, A=dA, b=db, lb=dlb, ub=dub)
-        return qp_directional(self.derivative, changes)
+        return self.derivative.directional(changes)
 
     @property
     def derivative(self) -> QPDerivative:

@@ -4,7 +4,6 @@ They take problems, points and factors; the methods of results call them.
 """
 
 from namlcp.derivatives.closest import ClosestDerivative
-from namlcp.derivatives.directional import lcp_directional, qp_directional
 from namlcp.derivatives.gradients import (
     BatchGradients,
     LCPGradients,

@@ -13,7 +13,8 @@ Forward, along a direction of the data, with r = dA z + dq:
 These hold where no unknown is at a bound with w = 0 and A_FF is regular. Elsewhere the
 solution has kinks, and an element of the generalised Jacobian is chosen as for QPs:
 unknowns at a bound with w = 0 count as free, or as fixed where A_FF is singular with
-them.
+them. Along one direction dz then solves the LCP with A and r in which unknowns of F are
+free, those of B fixed, and those at a bound with w = 0 have one bound.
 
 From order LARGE_LCP on, matrices like those of differential equations are not factored:
 a Krylov method with truncated multigrid cycles has the hierarchy of the solve.
@@ -28,12 +29,24 @@ from namlcp.checks import from_arrays, no_rows
 from namlcp.derivatives.dense import sides_of_lcp
 from namlcp.derivatives.factors import DenseFactors, KKTFactors, SparseFactors
 from namlcp.derivatives.gradients import LCPGradients, LCPTangent, RankTwo, change
-from namlcp.lcp import LARGE_LCP, LCP, FreeSystem, Operator, Prepared, hierarchy_of
+from namlcp.lcp import (
+    ACCURACY,
+    LARGE_LCP,
+    LCP,
+    FreeSystem,
+    Operator,
+    Prepared,
+    hierarchy_of,
+    lcp_data,
+    solve_by_method,
+)
+from namlcp.limits import Limits
 from namlcp.linalg import arrays_of, by_rows, submatrix
 from namlcp.qp import KKT
+from namlcp.status import Status
 
-# Residual of multigrid solves, relative to the right-hand side.
-ACCURACY = 1e-12
+# Of multigrid solves, relative to the right-hand side.
+RESIDUAL = 1e-12
 
 
 class LCPDerivative:
@@ -80,6 +93,24 @@ class LCPDerivative:
         right = r + M @ v if v.any() else r
         v[free] = self.factors.solve(-right[free], transposed)
         return v, np.where(self.side != 0, M @ v + r, 0.0)
+
+    def directional(self, *changes: Any) -> LCPTangent:
+        if not self.weak and not self.singular:
+            return self.forward(*changes)
+        side, fixed = self.weak_side, self.strict_side != 0
+        r, dl, du = self.direction(*changes)
+        change = np.where(side < 0, dl, du)
+        lower = np.where(fixed | (side < 0), change, -np.inf)
+        upper = np.where(fixed | (side > 0), change, np.inf)
+        lcp = lcp_data(self.lcp.matrix, r, lower, upper)
+        found = solve_by_method(*lcp, Limits(eps_rel=ACCURACY), is_next=True)
+        if found.status is not Status.SOLVED:
+            raise ValueError(
+                "the solution has no derivative along this direction: the LCP of the "
+                f"critical cone is {found.status.value}"
+            )
+        dz, dw, _ = found.point
+        return LCPTangent(dz, dw, self.weak, self.singular)
 
     def direction(self, dA: Any, dq: Any, dlower: Any, dupper: Any) -> tuple[Any, ...]:
         """Return dA z + dq, dlower and dupper for a direction of the data."""
@@ -144,7 +175,7 @@ class Multigrid:
             if system is not None:
                 b = np.zeros(self.matrix.n)
                 b[self.free] = r
-                u, converged = system.solve(b, ACCURACY)
+                u, converged = system.solve(b, RESIDUAL)
                 if converged:
                     return u[self.free]
             self.factors = sparse_factors(self.matrix, self.free)

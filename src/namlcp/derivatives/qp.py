@@ -36,15 +36,32 @@ Elsewhere the solution has kinks, and an element of the generalised Jacobian is 
 Steps 1 and 2 are derivatives nearby: with the right-hand sides of the dropped rows
 raised, x is still the solution, with the multipliers taken, and all is regular.
 
+Along one direction the solution moves like that of the QP of the critical cone,
+
+    min 1/2 dx'P dx + r'dx
+    G_i dx  = (dh - dG x)_i  where z_i > 0,   <=  where row i is weakly active
+    A dx = db - dA x,   bounds alike,
+
+whose multipliers are the derivatives of y, z and z_box (Robinson, Math. Programming
+Study 19 (1982) 200-221; Bonnans and Shapiro, Perturbation Analysis of Optimization
+Problems, 2000, ch. 5). Where multipliers are not unique, those have to be taken that
+maximise the derivative of the optimal value,
+
+    (dG x - dh)'z + (dA x - db)'y - dlb'z_box^- - dub'z_box^+   (Danskin),
+
+an LP in the dependencies of the active constraints.
+
 The multipliers of constraints that depend on each other are not unique. Let N span the
 combinations (y, z, z_box) of active constraints that vanish, A'y + G'z + z_box = 0 with
 z_box zero outside the active bounds. All multipliers of the solution are then those of
 one plus N t, with the signs that rows and bounds want.
 """
 
+from time import perf_counter
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.sparse import vstack
 
 from namlcp.checks import clean_copy, real_array, refuse_number
 from namlcp.derivatives.dense import DenseItem, differentiate_part, sides_of
@@ -58,8 +75,20 @@ from namlcp.derivatives.gradients import (
     right_sides,
 )
 from namlcp.linalg import add_transposed, by_rows, submatrix, times
-from namlcp.options import check_count
-from namlcp.qp import KKT, QP, Items, Point, available_cores, chunks_of, on_threads
+from namlcp.options import DEFAULT_OPTIONS, check_count
+from namlcp.qp import (
+    KKT,
+    NO_GUESS,
+    QP,
+    Items,
+    Point,
+    available_cores,
+    chunks_of,
+    on_threads,
+    qp_data,
+    solve_checked,
+)
+from namlcp.status import Status
 
 # Entries of a combination up to VANISHED of its largest one count as 0; in the
 # multipliers a combination of null vectors counts as 0 below the norm INDEPENDENT.
@@ -169,10 +198,67 @@ class QPDerivative:
         (q, h, b, lb, ub), _ = self.solve((-r, db, dh, moved))
         return QPTangent(0.0 - q, b, h, lb + ub, self.weak, self.singular)
 
+    def directional(self, changes: dict[str, Any]) -> QPTangent:
+        if not self.weak and not self.singular:
+            return self.forward(changes)
+        qp, d = self.qp, self.direction(changes)
+        _, whole, _ = sides_of(qp, self.solution)
+        point = self.steepest(whole, d)
+        r, dh, db = right_sides(d, point)
+        held, _, _ = sides_of(qp, point)
+        p, rows = qp.b.size, qp.b.size + qp.h.size
+        side, fixed = whole[rows:], held[rows:] != 0
+        strict = np.flatnonzero(held[p:rows])
+        weak = np.flatnonzero((whole[p:rows] != 0) & (held[p:rows] == 0))
+        parts, b = (qp.A, qp.G[strict]), np.concatenate((db, dh[strict]))
+        A = np.concatenate(parts) if qp.is_dense else vstack(parts, "csc")
+        change = np.where(side < 0, d["lb"], d["ub"])
+        lower = np.where(fixed | (side < 0), change, -np.inf)
+        upper = np.where(fixed | (side > 0), change, np.inf)
+        words = (
+            "the solution has no derivative along this direction: the QP of the "
+            "critical cone is {}"
+        )
+        G, h = qp.G[weak], dh[weak]
+        dx, y, z, dz_box = solved(words, qp.P, r, G, h, A, b, lower, upper)
+        dz = np.zeros(qp.h.size)
+        dz[weak], dz[strict] = z, y[p:]
+        return QPTangent(dx, y[:p], dz, dz_box, self.weak, self.singular)
+
+    def steepest(self, whole: np.ndarray, d: dict[str, Any]) -> Point:
+        """Return the multipliers that maximise the derivative of the optimal value."""
+        qp, point = self.qp, self.solution
+        N = dependencies(qp, whole, factored(qp, whole).null_space)
+        if not N.size:
+            return point
+        sign, value = signs(qp, whole), np.concatenate(point[1:])
+        _, dh, db = right_sides(d, point)
+        change = np.where(whole[-qp.q.size :] < 0, d["lb"], d["ub"])
+        slope = np.concatenate((db, dh, change)) @ N
+        zero, signed = np.zeros((slope.size, slope.size)), sign != 0
+        G, h = -(sign[:, None] * N)[signed], np.maximum(sign * value, 0.0)[signed]
+        words = (
+            "the QP has no solution along this direction: its constraints contradict "
+            "each other (the LP of the multipliers is {})"
+        )
+        best = solved(words, zero, slope, G, h, None, None, None, None)
+        value = value + N @ best.x
+        return Point(point.x, *np.split(value, (qp.b.size, qp.b.size + qp.h.size)))
+
     def direction(self, changes: dict[str, Any]) -> dict[str, Any]:
         """Return the changes of the data by their names; an absent matrix is None."""
         pairs = zip(QP._fields, self.qp, strict=True)
         return {k: change(f"d{k}", changes[k], k, own) for k, own in pairs}
+
+
+def solved(words: str, *arguments: Any) -> Point:
+    """Return the solution of a QP of these arguments; raise with the words if none."""
+    qp = qp_data(*arguments)
+    given = qp.P, qp.G, qp.A
+    found = solve_checked(qp, DEFAULT_OPTIONS, NO_GUESS, perf_counter(), given=given)
+    if found.status is not Status.SOLVED:
+        raise ValueError(words.format(found.status.value))
+    return found.point
 
 
 def factored(qp: QP, held: np.ndarray) -> DenseFactors | KKTFactors:
