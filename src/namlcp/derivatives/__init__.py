@@ -3,7 +3,6 @@
 They take problems, points and factors; the methods of results call them.
 """
 
-from namlcp.derivatives.closest import ClosestDerivative
 from namlcp.derivatives.gradients import (
     BatchGradients,
     LCPGradients,
@@ -14,6 +13,7 @@ from namlcp.derivatives.gradients import (
 )
 from namlcp.derivatives.lcp import LCPDerivative
 from namlcp.derivatives.qp import (
+    ClosestDerivative,
     Found,
     QPDerivative,
     differentiate_batch,
