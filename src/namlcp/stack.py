@@ -7,7 +7,6 @@ NumPy's do: P of shape (n, n) belongs to all items, q of shape (10, 1, n) and h 
 
 from collections.abc import Sequence
 from functools import cached_property
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,7 @@ from namlcp.derivatives import (
     differentiate_items,
     right_sides,
 )
-from namlcp.qp import QP, Point, available_cores, qp_data
+from namlcp.qp import QP, Items, Point, available_cores
 from namlcp.solve import solve_batch, solve_qp
 from namlcp.status import Status
 
@@ -62,12 +61,11 @@ class Stack:
         if self.lead and not self.stacked:
             self.stacked = {"q"}  # a stack of one item
         self.flat: dict[str, Any] = dict.fromkeys(AXES) | self.flattened(self.parts)
-        found: Any
+        solve: Any = solve_batch if self.lead else solve_qp
+        found = solve(**self.flat, **settings)
         if self.lead:
-            found = solve_batch(**self.flat, **settings)
             solved, self.items = found.solved, found.problem
         else:
-            found = solve_qp(**self.flat, **settings)
             solved = np.array([found.status is Status.SOLVED])
         values = found.x, found.y, found.z, found.z_box
         self.points = Point(
@@ -145,12 +143,9 @@ class Stack:
         return self.shaped(Point(-q, b, h, lb + ub))
 
     @cached_property
-    def items(self) -> Any:
-        """A single QP as the `Items` of a batch."""
-        qp, given = qp_data(**self.flat), (None, None, None)
-        return SimpleNamespace(
-            shared=qp, stacked={}, given=given, item=lambda _: (qp, given)
-        )
+    def items(self) -> Items:
+        """A single QP as those of a batch."""
+        return Items(self.flat)
 
     @cached_property
     def held(self) -> Found:
