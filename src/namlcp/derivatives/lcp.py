@@ -28,7 +28,7 @@ from scipy.sparse import csc_array, csr_array
 from namlcp.checks import from_arrays, no_rows
 from namlcp.derivatives.dense import sides_of_lcp
 from namlcp.derivatives.factors import DenseFactors, KKTFactors, SparseFactors
-from namlcp.derivatives.gradients import LCPGradients, LCPTangent, RankTwo, change
+from namlcp.derivatives.gradients import LCPGradients, LCPTangent, change, rank_two_on
 from namlcp.lcp import (
     ACCURACY,
     LARGE_LCP,
@@ -74,10 +74,9 @@ class LCPDerivative:
         q, side = self.lcp.q, self.side
         rho, mu = self.solve(change("dz", dz, "q", q), change("dw", dw, "q", q), True)
         lower, upper = np.where(side < 0, mu, 0.0), np.where(side > 0, mu, 0.0)
-        product = RankTwo(1.0, rho, self.z, 0.0, rho, self.z)
 
         def matrix(_: str) -> Any:
-            return product.on(self.given)
+            return rank_two_on(self.given, 1.0, rho, self.z, 0.0, rho, self.z)
 
         return LCPGradients(rho, lower, upper, self.weak, self.singular, matrix)
 

@@ -57,6 +57,7 @@ z_box zero outside the active bounds. All multipliers of the solution are then t
 one plus N t, with the signs that rows and bounds want.
 """
 
+from functools import partial
 from time import perf_counter
 from typing import Any, NamedTuple
 
@@ -70,9 +71,9 @@ from namlcp.derivatives.gradients import (
     BatchGradients,
     QPGradients,
     QPTangent,
-    RankTwo,
     change,
-    product_of,
+    matrix_gradient,
+    rank_two_on,
     right_sides,
 )
 from namlcp.linalg import add_transposed, by_rows, submatrix, times
@@ -150,12 +151,8 @@ class QPDerivative:
             for name, d, own in parts
         )
         vectors, matrices = self.solve(given, True)
-
-        def matrix(name: str) -> Any:
-            product = product_of(vectors, self.point, name)
-            return product.on(self.given["PGA".index(name)])
-
         q, h, b, lb, ub = vectors
+        matrix = partial(matrix_gradient, self.given, vectors, self.point)
         gradients = QPGradients(q, h, b, lb, ub, self.weak, self.singular, matrix)
         if matrices:
             gradients.P, gradients.G, gradients.A = matrices
@@ -390,16 +387,16 @@ class ClosestDerivative:
 
         def matrix(name: str) -> Any:
             """Return the gradient in P; in C it is -sum(v u' + lam x')."""
-            product = product_of(vectors, point, "P")
-            if name != "P":
-                part = 0 if name == "G" else -1
-                terms = (
-                    (face.rows.parts(v)[part], u, face.rows.parts(lam)[part], x)
-                    for v, u, lam in stages
-                )
-                v, u, lam, w = map(np.array, zip(*terms, strict=True))
-                product = RankTwo(-1.0, v, u, -1.0, lam, w)
-            return product.on(self.given["PGA".index(name)])
+            if name == "P":
+                return matrix_gradient(self.given, vectors, point, name)
+            part = 0 if name == "G" else -1
+            terms = (
+                (face.rows.parts(v)[part], u, face.rows.parts(lam)[part], x)
+                for v, u, lam in stages
+            )
+            v, u, lam, w = map(np.array, zip(*terms, strict=True))
+            pattern = self.given["PGA".index(name)]
+            return rank_two_on(pattern, -1.0, v, u, -1.0, lam, w)
 
         return QPGradients(*vectors, second.weak, first.singular, matrix)
 
@@ -484,15 +481,12 @@ def differentiate_batch(
     threads = available_cores() if threads is None else threads
     check_count("threads", threads)
     pairs = zip(Point._fields, cotangents, points, strict=True)
-    given = tuple(checked_gradient(*pair) for pair in pairs)
-    found = differentiate_items(items, points, used, given, threads)
-
-    def matrix(name: str) -> Any:
-        product = product_of(found.vectors, found.points, name)
-        if name in items.stacked:
-            return product.stacked()
-        return product.on(items.given["PGA".index(name)])
-
+    parts = tuple(checked_gradient(*pair) for pair in pairs)
+    found = differentiate_items(items, points, used, parts, threads)
+    given, stacked = items.given, items.stacked
+    matrix = partial(
+        matrix_gradient, given, found.vectors, found.points, stacked=stacked
+    )
     q, h, b, lb, ub = (
         v.copy() if name in items.stacked else v.sum(axis=0)
         for name, v in zip(("q", "h", "b", "lb", "ub"), found.vectors, strict=True)
