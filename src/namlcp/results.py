@@ -27,7 +27,7 @@ from namlcp.derivatives import (
 from namlcp.lcp import LCP, Operator, Prepared, solve_small
 from namlcp.linalg import times
 from namlcp.linalg.arrays import stamp_of_arrays
-from namlcp.qp import QP, STATUSES, Items, Nearest, Point, qp_arrays, stamp_of
+from namlcp.qp import QP, STATUSES, Items, Nearest, Point, qp_data, stamp_of
 from namlcp.residuals import Residuals
 from namlcp.result_base import LCPResultBase, ResultBase
 from namlcp.status import OBJECTIVE, Outcome, Status
@@ -858,7 +858,10 @@ def problem_of(result: QPResult | LCPResult | ClosestPoint) -> Any:
         return clean_lcp(*problem)
     if len(problem) == len(QP._fields):  # the arguments of `solve_qp`
         P, _, G, _, A, *_ = problem
-        return qp_arrays(*problem), (P, G, A)
+        try:
+            return qp_data(*problem), (P, G, A)
+        except ValueError:  # they were clean
+            raise ValueError(CHANGED) from None
     if len(problem) == 3:  # the matrices, the vectors, and P, G, A of a `Solver`
         matrices, vectors, given = problem
         return QP.of(matrices, vectors), given
