@@ -3,7 +3,6 @@ from namlcp.qp.active.dense cimport DenseActiveSet
 
 cdef double ACTIVE, LEAST_PIVOT
 cdef enum:
-    AT_ONCE = 2000
     ARRAYS = 16
     SOLVES = 2
 
@@ -57,5 +56,3 @@ cdef void solve_item(DenseItem m) noexcept nogil
 cdef void set_remainder(DenseItem m, bint are_zero) noexcept nogil
 cdef void correct(DenseItem m) noexcept nogil
 cdef void correct_by_kept(DenseActiveSet own, DenseItem m) noexcept nogil
-cdef int write_matrices(DenseItem m, tuple matrices) except -1
-cdef void write_rank_two(double s, const double* a, const double* b, double t, const double* c, const double* d, Py_ssize_t rows, Py_ssize_t columns, double* out) noexcept nogil

@@ -64,8 +64,6 @@ ACTIVE = 1e-8
 # step of refinement then removes the error of the Schur complement.
 LEAST_PIVOT = 1e-8
 # SOLVES: solves with the factors for one right-hand side; the second refines the first.
-# AT_ONCE: entries of the gradients in P, G and A together, up to which they are made
-# with the others: that takes less time than the call that would make one of them later.
 # ARRAYS: data, solution and gradients in the solution.
 
 
@@ -202,11 +200,8 @@ class DenseItem:
                 regular = factor(self)
         return regular
 
-    def backward(self, cotangents, with_matrices):
-        """Return the gradients in q, h, b, lb and ub, and those in P, G and A.
-
-        The latter are there if they are asked for and small, else none of them.
-        """
+    def backward(self, cotangents):
+        """Return the gradients in q, h, b, lb and ub."""
         n, m, p = self.qp.n, self.qp.m, self.qp.p
         q, h, b = np.empty(n), np.empty(m), np.empty(p)
         lb, ub = np.empty(n), np.empty(n)
@@ -218,11 +213,7 @@ class DenseItem:
         self.u, self.lam, self.nu = numbers(q, n), numbers(h, m), numbers(b, p)
         self.lower, self.upper = numbers(lb, n), numbers(ub, n)
         solve_item(self)
-        matrices = ()
-        if with_matrices and (n + m + p) * n <= AT_ONCE:
-            matrices = np.empty((n, n)), np.empty((m, n)), np.empty((p, n))
-            write_matrices(self, matrices)
-        return (q, h, b, lb, ub), matrices
+        return q, h, b, lb, ub
 
 
 def differentiate_part(chosen, arrays, out, sides, weak, regular):
@@ -473,35 +464,18 @@ def correct_by_kept(own, m):
     add_scaled(1.0, values + own.rows, m.nu, p)
 
 
-def write_matrices(m, matrices):
-    """Write the gradients in P, G and A: those of `product_of`."""
-    qp = cython.address(m.qp)
-    n, (P, G, A) = qp.n, matrices
-    u, x = m.u, qp.x
-    write_rank_two(0.5, u, x, 0.5, x, u, n, n, numbers(P, n * n))
-    write_rank_two(1.0, qp.z, u, -1.0, m.lam, x, qp.m, n, numbers(G, qp.m * n))
-    write_rank_two(1.0, qp.y, u, -1.0, m.nu, x, qp.p, n, numbers(A, qp.p * n))
-    return 0
-
-
-# ---- the matrices s a b' + t c d'
-
-
-def write_rank_two(s, a, b, t, c, d, rows, columns, out):
-    for i in range(rows):
-        first, second, row = s * a[i], t * c[i], out + i * columns
-        for j in range(columns):
-            row[j] = first * b[j] + second * d[j]
-
-
 def rank_two(s: cython.double, a, b, t: cython.double, c, d):
-    rows: cython.Py_ssize_t = a.size
-    columns: cython.Py_ssize_t = b.size
+    """Return s a b' + t c d'."""
+    rows: Py_ssize_t = a.size
+    columns: Py_ssize_t = b.size
     out = np.empty((rows, columns))
-    write_rank_two(
-        s, numbers(a, rows), numbers(b, columns), t, numbers(c, rows),
-        numbers(d, columns), rows, columns, numbers(out, rows * columns),
-    )  # fmt: skip
+    of_a, of_b, of_c = numbers(a, rows), numbers(b, columns), numbers(c, rows)
+    of_d, row = numbers(d, columns), numbers(out, rows * columns)
+    for i in range(rows):
+        first, second = s * of_a[i], t * of_c[i]
+        for j in range(columns):
+            row[j] = first * of_b[j] + second * of_d[j]
+        row += columns
     return out
 
 
@@ -509,9 +483,9 @@ def add_rank_two_at(
     pattern, s: cython.double, a, b, t: cython.double, c, d, data
 ):  # fmt: skip
     """Add the entries of s a b' + t c d' at the places of a matrix in CSC to data."""
-    rows: cython.Py_ssize_t = a.size
-    columns: cython.Py_ssize_t = b.size
-    count: cython.Py_ssize_t = data.size
+    rows: Py_ssize_t = a.size
+    columns: Py_ssize_t = b.size
+    count: Py_ssize_t = data.size
     indptr = places(pattern.indptr, columns + 1)
     indices = places(pattern.indices, count)
     of_a, of_b, of_c = numbers(a, rows), numbers(b, columns), numbers(c, rows)

@@ -56,10 +56,9 @@ class QPGradients:
         together have a derivative: it stands at the bound that the multiplier presses
         on.
     P, G, A : array or sparse array
-        Formed at the first access, small ones with the others. Sparse where the matrix
-        was given so, on its stored entries (CSR for CSR, else CSC). That of P is
-        symmetric: the scalar changes by the sum of P_ij dP_ij over all i and j, for a
-        symmetric dP.
+        Formed at the first access. Sparse where the matrix was given so, on its stored
+        entries (CSR for CSR, else CSC). That of P is symmetric: the scalar changes by
+        the sum of P_ij dP_ij over all i and j, for a symmetric dP.
     weak : int
         How many constraints are active with a multiplier 0. The solution has a kink
         there; the gradients are those of the QP without these constraints, one of the

@@ -150,20 +150,14 @@ class QPDerivative:
             None if d is None else change(f"d{name}", d, name, own)
             for name, d, own in parts
         )
-        vectors, matrices = self.solve(given, True)
-        q, h, b, lb, ub = vectors
+        vectors = q, h, b, lb, ub = self.solve(given)
         matrix = partial(matrix_gradient, self.given, vectors, self.point)
-        gradients = QPGradients(q, h, b, lb, ub, self.weak, self.singular, matrix)
-        if matrices:
-            gradients.P, gradients.G, gradients.A = matrices
-        return gradients
+        return QPGradients(q, h, b, lb, ub, self.weak, self.singular, matrix)
 
-    def solve(
-        self, cotangents: tuple[np.ndarray | None, ...], with_matrices: bool = False
-    ) -> tuple[Any, Any]:
-        """Return the gradients in q, h, b, lb and ub, small ones in P, G and A too."""
+    def solve(self, cotangents: tuple[np.ndarray | None, ...]) -> tuple[Any, ...]:
+        """Return the gradients in q, h, b, lb and ub."""
         if self.item is not None:
-            return self.item.backward(cotangents, with_matrices)
+            return self.item.backward(cotangents)
         pairs = zip(cotangents, self.solution, strict=True)
         given = (np.zeros(own.size) if v is None else v for v, own in pairs)
         gx, gy, gz, gz_box = given
@@ -183,7 +177,7 @@ class QPDerivative:
         add_transposed(G, lam, terms)
         add_transposed(A, nu, terms)
         mu = held * (gx - terms)
-        return (0.0 - u, lam, nu, (side < 0) * mu, (side > 0) * mu), ()
+        return 0.0 - u, lam, nu, (side < 0) * mu, (side > 0) * mu
 
     def forward(self, changes: dict[str, Any]) -> QPTangent:
         """Return the derivative of the solution along a direction of the data.
@@ -194,7 +188,7 @@ class QPDerivative:
         r, dh, db = right_sides(d, self.point)
         side = self.solution.z_box if self.item else self.held[-d["q"].size :]
         moved = np.where(side > 0, d["ub"], d["lb"])  # read where x_j is held
-        (q, h, b, lb, ub), _ = self.solve((-r, db, dh, moved))
+        q, h, b, lb, ub = self.solve((-r, db, dh, moved))
         return QPTangent(0.0 - q, b, h, lb + ub, self.weak, self.singular)
 
     def directional(self, changes: dict[str, Any]) -> QPTangent:
@@ -460,8 +454,7 @@ def differentiate_items(
         i = chosen[k]
         point = Point(*(v[i] for v in points))
         derivative = QPDerivative(items.item(i)[0], point)
-        found, _ = derivative.solve(tuple(v[i] for v in parts))
-        out[i] = np.concatenate(found)
+        out[i] = np.concatenate(derivative.solve(tuple(v[i] for v in parts)))
         weak[i], regular[i] = derivative.weak, not derivative.singular
         sides[i] = derivative.held[p:]
         _, points.y[i], points.z[i], _ = derivative.point
