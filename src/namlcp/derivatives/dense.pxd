@@ -10,35 +10,18 @@ cdef class DenseItem:
     cdef:
         # The QP with its solution; gradients in x, y, z and z_box; those in the data.
         Terms qp
-        const double *P
-        const double *G
-        const double *A
-        const double *of_x
-        const double *of_y
-        const double *of_z
-        const double *of_box
-        double *u
-        double *lam
-        double *nu
-        double *lower
-        double *upper
+        const double *P, *G, *A, *of_x, *of_y, *of_z, *of_box
+        double *u, *lam, *nu, *lower, *upper
         # Sides of constraints; how many are weak.
-        signed char *strict
-        signed char *whole
+        signed char *strict, *whole
         readonly Py_ssize_t weak
         # The rows of [A; G] that are held, the free variables, and their numbers.
-        Py_ssize_t *held
-        Py_ssize_t *free
+        Py_ssize_t *held, *free
         Py_ssize_t held_n, free_n
         # L, V and the factor of S; right-hand sides for free variables and held rows.
-        double *L
-        double *V
-        double *S
-        double *t
-        double *s
+        double *L, *V, *S, *t, *s
         # Zeros; work space; the array of all these.
-        double *zero
-        double *work
+        double *zero, *work
         object memory
         # The factors of the solve; whether they serve.
         DenseActiveSet kept

@@ -181,10 +181,7 @@ class DenseItem:
         self.whole = self.strict + n + m
 
     def take(self, qp, point, kept):
-        """Take a single QP, its solution, and the factors of its solve or None.
-
-        Return whether its KKT system has good factors.
-        """
+        """Take a single QP with what its solve has left; tell if K has good factors."""
         (P, q, G, h, A, b, lb, ub), n = qp, self.qp.n
         regular: cython.bint = True
         self.arrays = *qp, *point
@@ -323,10 +320,7 @@ def serves(own, m):
 
 
 def factor(m):
-    """Compute L, V and the factor of S; tell whether they exist.
-
-    What is above the diagonal of L and of that factor has no meaning.
-    """
+    """Compute L, V and the factor of S, lower triangles; tell whether they exist."""
     n, k = m.free_n, m.held_n
     if k > n:
         return False
@@ -354,10 +348,7 @@ def row_at(m, k):
 
 
 def has_factor(M, n, diagonal):
-    """Overwrite the lower triangle of M by its Cholesky factor; False if M is singular.
-
-    That is where a pivot is too small a part of its diagonal entry.
-    """
+    """Factor the lower triangle of M; False if a pivot is too small."""
     for i in range(n):
         diagonal[i] = M[i * n + i]
     if not cholesky(M, n):
