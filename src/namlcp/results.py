@@ -14,6 +14,7 @@ import numpy as np
 
 from namlcp.checks import constant
 from namlcp.derivatives import (
+    BatchDerivative,
     BatchGradients,
     ClosestDerivative,
     LCPDerivative,
@@ -22,7 +23,6 @@ from namlcp.derivatives import (
     QPDerivative,
     QPGradients,
     QPTangent,
-    differentiate_batch,
 )
 from namlcp.lcp import LCP, Operator, Prepared, solve_small
 from namlcp.linalg import times
@@ -661,9 +661,8 @@ class BatchResult(metaclass=Public):
         if not self.problem.are_unchanged(slice(None)):
             raise ValueError(CHANGED)
         points = Point(self.x, self.y, self.z, self.z_box)
-        return differentiate_batch(
-            self.problem, points, self.solved, (dx, dy, dz, dz_box), threads
-        )
+        derivative = BatchDerivative(self.problem, points, self.solved, threads)
+        return derivative.backward(dx, dy, dz, dz_box)
 
     @property
     def statuses(self) -> list[Status]:

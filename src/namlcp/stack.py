@@ -12,13 +12,8 @@ from typing import Any
 import numpy as np
 
 from namlcp.checks import refuse_number
-from namlcp.derivatives import (
-    Found,
-    differentiate_batch,
-    differentiate_items,
-    right_sides,
-)
-from namlcp.qp import QP, Items, Point, available_cores
+from namlcp.derivatives import BatchDerivative, Found, right_sides
+from namlcp.qp import QP, Items, Point
 from namlcp.solve import solve_batch, solve_qp
 from namlcp.status import Status
 
@@ -66,14 +61,14 @@ class Stack:
         if self.lead:
             solved, self.items = found.solved, found.problem
         else:
-            solved = np.array([found.status is Status.SOLVED])
+            solved, self.items = np.array([found.status is Status.SOLVED]), None
         values = found.x, found.y, found.z, found.z_box
         self.points = Point(
             *(np.where(solved[:, None], np.atleast_2d(v), np.nan) for v in values)
         )
         self.solved = solved.reshape(self.lead)
         self.solution = self.shaped(self.points)
-        self.threads = settings.get("threads") or available_cores()
+        self.threads = settings.get("threads")
 
     def flattened(self, parts: Arrays) -> Arrays:
         """Return arguments with one axis of items, or none where they are shared."""
@@ -97,19 +92,11 @@ class Stack:
         not solved have gradients 0.
         """
         flat = tuple(np.reshape(v, (self.size, -1)) for v in cotangents)
-        which = self.solved.reshape(-1)
-        found = differentiate_batch(self.items, self.points, which, flat, self.threads)
+        found = self.derivative.backward(*flat)
         return [
             self.summed(k, getattr(found, k)) if asked and k in self.parts else None
             for k, asked in zip(AXES, wanted, strict=True)
         ]
-
-    def differentiated(self, cotangents: tuple[Any, ...]) -> Found:
-        """Differentiate all items; the cotangents have one axis of them."""
-        which = self.solved.reshape(-1)
-        return differentiate_items(
-            self.items, self.points, which, cotangents, self.threads
-        )
 
     def summed(self, name: str, gradient: np.ndarray) -> np.ndarray:
         """Return a gradient summed over the axes along which its argument is shared."""
@@ -139,18 +126,19 @@ class Stack:
         r, dh, db = right_sides(d, point)
         side = sides[:, point.z.shape[1] :]
         dx = np.where(side > 0, d["ub"], d["lb"])  # read where x_j is held
-        q, h, b, lb, ub = self.differentiated((-r, db, dh, dx)).vectors
+        q, h, b, lb, ub = self.derivative.solve((-r, db, dh, dx)).vectors
         return self.shaped(Point(-q, b, h, lb + ub))
 
     @cached_property
-    def items(self) -> Items:
-        """A single QP as those of a batch."""
-        return Items(self.flat)
+    def derivative(self) -> BatchDerivative:
+        """That of all items; a single QP is one, too."""
+        items, used = self.items or Items(self.flat), self.solved.reshape(-1)
+        return BatchDerivative(items, self.points, used, self.threads)
 
     @cached_property
     def held(self) -> Found:
         """The constraints held of each item, and the solution with multipliers used."""
-        return self.differentiated(tuple(map(np.zeros_like, self.points)))
+        return self.derivative.solve(tuple(map(np.zeros_like, self.points)))
 
     def faces(self) -> tuple[np.ndarray, np.ndarray]:
         """Return which rows of G are held active (1 or 0), and the side of each x_j.

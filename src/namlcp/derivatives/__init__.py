@@ -13,9 +13,8 @@ from namlcp.derivatives.gradients import (
 )
 from namlcp.derivatives.lcp import LCPDerivative
 from namlcp.derivatives.qp import (
+    BatchDerivative,
     ClosestDerivative,
     Found,
     QPDerivative,
-    differentiate_batch,
-    differentiate_items,
 )

@@ -415,77 +415,66 @@ class Found(NamedTuple):
     regular: np.ndarray
 
 
-def differentiate_items(
-    items: Items,
-    solutions: Point,
-    which: np.ndarray,
-    cotangents: tuple[np.ndarray, ...],
-    threads: int,
-) -> Found:
-    """Differentiate each item on threads.
+class BatchDerivative:
+    """The derivatives of the solutions of a batch, 0 of items that are not `used`."""
 
-    Of items that are not in `which` (N,) all is 0. `solutions` and `cotangents` have a
-    leading axis.
-    """
-    shown = which[:, None]
-    points = Point(*(np.where(shown, v, 0.0) for v in solutions))
-    parts = tuple(np.where(shown, v, 0.0) for v in cotangents)
-    for name, part in zip(Point._fields, parts, strict=True):
-        refuse_number(f"d{name}", part, False)
-    n, m, p = points.x.shape[1], points.z.shape[1], points.y.shape[1]
-    count, chosen = which.size, np.flatnonzero(which)
-    out = np.zeros((count, 3 * n + m + p))
-    vectors = np.split(out, np.cumsum((n, m, p, n)), axis=1)
-    sides, weak = np.zeros((count, m + n), np.int8), np.zeros(count, np.intp)
-    regular = np.zeros(count, bool)
-    if items.shared.is_dense:
-        pairs, dense = items.shared._asdict().items(), chosen
-        data = (clean_copy(items.stacked.get(k, own[None])) for k, own in pairs)
-        arrays = *data, *points, *parts
-        chunks = chunks_of(dense.size, (n + m + p) * n * n, threads)
+    def __init__(
+        self, items: Items, points: Point, used: np.ndarray, threads: int | None
+    ) -> None:
+        self.items, self.points, self.used = items, points, used
+        self.threads = available_cores() if threads is None else threads
+        check_count("threads", self.threads)
 
-        def work_on_part(k: int) -> None:
-            differentiate_part(dense[chunks[k]], arrays, out, sides, weak, regular)
+    def solve(self, cotangents: tuple[np.ndarray, ...]) -> Found:
+        """Return the gradients of each item from those in its solution."""
+        items, shown = self.items, self.used[:, None]
+        points = Point(*(np.where(shown, v, 0.0) for v in self.points))
+        parts = tuple(np.where(shown, v, 0.0) for v in cotangents)
+        for name, part in zip(Point._fields, parts, strict=True):
+            refuse_number(f"d{name}", part, False)
+        n, m, p = points.x.shape[1], points.z.shape[1], points.y.shape[1]
+        count, chosen = self.used.size, np.flatnonzero(self.used)
+        out = np.zeros((count, 3 * n + m + p))
+        vectors = np.split(out, np.cumsum((n, m, p, n)), axis=1)
+        sides, weak = np.zeros((count, m + n), np.int8), np.zeros(count, np.intp)
+        regular = np.zeros(count, bool)
+        if items.shared.is_dense:
+            pairs, dense = items.shared._asdict().items(), chosen
+            data = (clean_copy(items.stacked.get(k, own[None])) for k, own in pairs)
+            arrays = *data, *points, *parts
+            chunks = chunks_of(dense.size, (n + m + p) * n * n, self.threads)
 
-        on_threads(work_on_part, len(chunks), threads)
-        chosen = dense[~regular[dense]]
+            def work_on_part(k: int) -> None:
+                differentiate_part(dense[chunks[k]], arrays, out, sides, weak, regular)
 
-    def work(k: int) -> None:
-        i = chosen[k]
-        point = Point(*(v[i] for v in points))
-        derivative = QPDerivative(items.item(i)[0], point)
-        out[i] = np.concatenate(derivative.solve(tuple(v[i] for v in parts)))
-        weak[i], regular[i] = derivative.weak, not derivative.singular
-        sides[i] = derivative.held[p:]
-        _, points.y[i], points.z[i], _ = derivative.point
+            on_threads(work_on_part, len(chunks), self.threads)
+            chosen = dense[~regular[dense]]
 
-    on_threads(work, chosen.size, threads)
-    return Found(vectors, points, sides, weak, regular)
+        def work(k: int) -> None:
+            i = chosen[k]
+            point = Point(*(v[i] for v in points))
+            derivative = QPDerivative(items.item(i)[0], point)
+            out[i] = np.concatenate(derivative.solve(tuple(v[i] for v in parts)))
+            weak[i], regular[i] = derivative.weak, not derivative.singular
+            sides[i] = derivative.held[p:]
+            _, points.y[i], points.z[i], _ = derivative.point
 
+        on_threads(work, chosen.size, self.threads)
+        return Found(vectors, points, sides, weak, regular)
 
-def differentiate_batch(
-    items: Items,
-    points: Point,
-    used: np.ndarray,
-    cotangents: tuple[Any, ...],
-    threads: int | None,
-) -> BatchGradients:
-    """Return the gradients of the used items from those in their points."""
-    threads = available_cores() if threads is None else threads
-    check_count("threads", threads)
-    pairs = zip(Point._fields, cotangents, points, strict=True)
-    parts = tuple(checked_gradient(*pair) for pair in pairs)
-    found = differentiate_items(items, points, used, parts, threads)
-    given, stacked = items.given, items.stacked
-    matrix = partial(
-        matrix_gradient, given, found.vectors, found.points, stacked=stacked
-    )
-    q, h, b, lb, ub = (
-        v.copy() if name in items.stacked else v.sum(axis=0)
-        for name, v in zip(("q", "h", "b", "lb", "ub"), found.vectors, strict=True)
-    )
-    singular = used & ~found.regular
-    return BatchGradients(q, h, b, lb, ub, found.weak, singular, matrix, used)
+    def backward(self, *cotangents: Any) -> BatchGradients:
+        pairs = zip(Point._fields, cotangents, self.points, strict=True)
+        found = self.solve(tuple(checked_gradient(*pair) for pair in pairs))
+        given, stacked = self.items.given, self.items.stacked
+        matrix = partial(
+            matrix_gradient, given, found.vectors, found.points, stacked=stacked
+        )
+        q, h, b, lb, ub = (
+            v.copy() if name in stacked else v.sum(axis=0)
+            for name, v in zip(("q", "h", "b", "lb", "ub"), found.vectors, strict=True)
+        )
+        singular = self.used & ~found.regular
+        return BatchGradients(q, h, b, lb, ub, found.weak, singular, matrix, self.used)
 
 
 def checked_gradient(name: str, value: Any, own: np.ndarray) -> np.ndarray:
