@@ -44,17 +44,14 @@ Along one direction the solution moves like that of the QP of the critical cone,
 
 whose multipliers are the derivatives of y, z and z_box (Robinson, Math. Programming
 Study 19 (1982) 200-221; Bonnans and Shapiro, Perturbation Analysis of Optimization
-Problems, 2000, ch. 5). Where multipliers are not unique, those have to be taken that
-maximise the derivative of the optimal value,
+Problems, 2000, ch. 5).
 
-    (dG x - dh)'z + (dA x - db)'y - dlb'z_box^- - dub'z_box^+   (Danskin),
+Multipliers of constraints that depend on each other are not unique: they are those of
+one solution plus N t, with the signs that rows and bounds want, where N spans the
+combinations (y, z, z_box) of active constraints with A'y + G'z + z_box = 0. Along a
+direction t solves an LP, as the derivative of the optimal value has to be largest,
 
-an LP in the dependencies of the active constraints.
-
-The multipliers of constraints that depend on each other are not unique. Let N span the
-combinations (y, z, z_box) of active constraints that vanish, A'y + G'z + z_box = 0 with
-z_box zero outside the active bounds. All multipliers of the solution are then those of
-one plus N t, with the signs that rows and bounds want.
+    (dG x - dh)'z + (dA x - db)'y - dlb'z_box^- - dub'z_box^+   (Danskin).
 """
 
 from functools import partial
@@ -402,10 +399,8 @@ class Found(NamedTuple):
     """What is found of items, one after another.
 
     vectors: the gradients in q, h, b, lb and ub. points: the solutions with multipliers
-    0 of constraints that are not held. sides (N, m + n): 1 for rows of G that are held;
-    -1 for variables held at the lower bound, 1 at the upper one; else 0. weak (N,):
-    constraints with a multiplier 0; regular (N,): whether the KKT system of the
-    strictly active constraints is regular.
+    0 of constraints that are not held. sides (N, m + n): of rows of G and of variables,
+    see `dense`. regular (N,): whether K is, with the strictly active constraints.
     """
 
     vectors: list[np.ndarray]
