@@ -54,14 +54,14 @@ direction t solves an LP, as the derivative of the optimal value has to be large
     (dG x - dh)'z + (dA x - db)'y - dlb'z_box^- - dub'z_box^+   (Danskin).
 """
 
-from functools import partial
+from functools import cached_property, partial
 from time import perf_counter
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.sparse import vstack
 
-from namlcp.checks import clean_copy, real_array, refuse_number
+from namlcp.checks import clean_copy, no_rows, real_array, refuse_number
 from namlcp.derivatives.dense import DenseItem, differentiate_part, sides_of
 from namlcp.derivatives.factors import DenseFactors, KKTFactors
 from namlcp.derivatives.gradients import (
@@ -130,16 +130,50 @@ class QPDerivative:
         strict, whole, self.weak = sides_of(qp, point)
         self.singular = False
         for held in (strict, whole) if self.weak else (strict,):
-            self.held, self.point, self.factors = held, point, factored(qp, held)
+            self.held, self.point, self.factors = held, point, self.factored(held)
             if self.factors.regular:
                 break
             self.singular = True
-            N = dependencies(qp, held, self.factors.null_space)
+            N = self.dependencies(held, self.factors.null_space)
             if N.size:
                 self.held, self.point = independent(qp, held, point, N)
-                self.factors = factored(qp, self.held)
+                self.factors = self.factored(self.held)
                 if self.factors.regular:
                     break
+
+    @cached_property
+    def C(self) -> Any:
+        """[A; G]."""
+        rows = self.qp.A, self.qp.G
+        return np.concatenate(rows) if self.qp.is_dense else vstack(rows, "csc")
+
+    def factored(self, held: np.ndarray) -> DenseFactors | KKTFactors:
+        """Return the factors of K for held constraints."""
+        P, C, rows = self.qp.P, self.C, self.C.shape[0]
+        at, free = np.flatnonzero(held[:rows]), np.flatnonzero(held[rows:] == 0)
+        if self.qp.is_dense:
+            C, zero = C[np.ix_(at, free)], np.zeros((at.size, at.size))
+            return DenseFactors(np.block([[P[np.ix_(free, free)], C.T], [C, zero]]))
+        P, C = submatrix(P, free, free), by_rows(submatrix(C, at, free))
+        return KKTFactors(KKT(P, C, by_rows(no_rows(free.size))))
+
+    def dependencies(self, held: np.ndarray, null_space: np.ndarray) -> np.ndarray:
+        """Return N, which spans the combinations of held constraints that vanish.
+
+        It is read from the null space of K. A vector (u, v) of that has P u = 0, C u =
+        0 and C'v = 0: v alone is a dependency.
+        """
+        C, rows = self.C, self.C.shape[0]
+        at = np.flatnonzero(held[:rows])
+        V = null_space[null_space.shape[0] - at.size :]
+        size = np.linalg.norm(null_space, axis=0)
+        left, values, _ = np.linalg.svd(V / size, full_matrices=False)
+        V = left[:, values > INDEPENDENT]
+        N = np.zeros((held.size, V.shape[1]))
+        N[at] = V
+        N[rows:] = -(C.T @ N[:rows])
+        N[rows:][held[rows:] == 0] = 0.0
+        return N
 
     def backward(self, dx: Any, dy: Any, dz: Any, dz_box: Any) -> QPGradients:
         parts = zip(Point._fields, (dx, dy, dz, dz_box), self.solution, strict=True)
@@ -158,21 +192,19 @@ class QPDerivative:
         pairs = zip(cotangents, self.solution, strict=True)
         given = (np.zeros(own.size) if v is None else v for v, own in pairs)
         gx, gy, gz, gz_box = given
-        P, _, G, _, A = self.qp[:5]
-        p, rows = gy.size, gy.size + gz.size
+        P, C, rows = self.qp.P, self.C, gy.size + gz.size
         at, side = np.flatnonzero(self.held[:rows]), self.held[rows:]
         free, held = np.flatnonzero(side == 0), side != 0
         u, v = held * gz_box, np.zeros(rows)
         of_x, of_v = gx, np.concatenate((gy, gz))
         if u.any():
             of_x = gx - times(P, u)
-            of_v -= np.concatenate((times(A, u), times(G, u)))
+            of_v -= times(C, u)
         w = self.factors.solve(np.concatenate((of_x[free], of_v[at])))
         u[free], v[at] = np.split(w, [free.size])
-        nu, lam = np.split(v, [p])
         terms = times(P, u)
-        add_transposed(G, lam, terms)
-        add_transposed(A, nu, terms)
+        add_transposed(C, v, terms)
+        nu, lam = np.split(v, [gy.size])
         mu = held * (gx - terms)
         return 0.0 - u, lam, nu, (side < 0) * mu, (side > 0) * mu
 
@@ -191,17 +223,15 @@ class QPDerivative:
     def directional(self, changes: dict[str, Any]) -> QPTangent:
         if not self.weak and not self.singular:
             return self.forward(changes)
-        qp, d = self.qp, self.direction(changes)
+        qp, d, C = self.qp, self.direction(changes), self.C
         _, whole, _ = sides_of(qp, self.solution)
         point = self.steepest(whole, d)
         r, dh, db = right_sides(d, point)
         held, _, _ = sides_of(qp, point)
-        p, rows = qp.b.size, qp.b.size + qp.h.size
+        p, rows, e = qp.b.size, C.shape[0], np.concatenate((db, dh))
         side, fixed = whole[rows:], held[rows:] != 0
-        strict = np.flatnonzero(held[p:rows])
-        weak = np.flatnonzero((whole[p:rows] != 0) & (held[p:rows] == 0))
-        parts, b = (qp.A, qp.G[strict]), np.concatenate((db, dh[strict]))
-        A = np.concatenate(parts) if qp.is_dense else vstack(parts, "csc")
+        at = np.flatnonzero(held[:rows])
+        weak = np.flatnonzero((whole[:rows] != 0) & (held[:rows] == 0))
         change = np.where(side < 0, d["lb"], d["ub"])
         lower = np.where(fixed | (side < 0), change, -np.inf)
         upper = np.where(fixed | (side > 0), change, np.inf)
@@ -209,16 +239,16 @@ class QPDerivative:
             "the solution has no derivative along this direction: the QP of the "
             "critical cone is {}"
         )
-        G, h = qp.G[weak], dh[weak]
-        dx, y, z, dz_box = solved(words, qp.P, r, G, h, A, b, lower, upper)
-        dz = np.zeros(qp.h.size)
-        dz[weak], dz[strict] = z, y[p:]
-        return QPTangent(dx, y[:p], dz, dz_box, self.weak, self.singular)
+        rights = C[weak], e[weak], C[at], e[at]
+        dx, y, z, dz_box = solved(words, qp.P, r, *rights, lower, upper)
+        v = np.zeros(rows)
+        v[at], v[weak] = y, z
+        return QPTangent(dx, v[:p], v[p:], dz_box, self.weak, self.singular)
 
     def steepest(self, whole: np.ndarray, d: dict[str, Any]) -> Point:
         """Return the multipliers that maximise the derivative of the optimal value."""
         qp, point = self.qp, self.solution
-        N = dependencies(qp, whole, factored(qp, whole).null_space)
+        N = self.dependencies(whole, self.factored(whole).null_space)
         if not N.size:
             return point
         sign, value = signs(qp, whole), np.concatenate(point[1:])
@@ -249,38 +279,6 @@ def solved(words: str, *arguments: Any) -> Point:
     if found.status is not Status.SOLVED:
         raise ValueError(words.format(found.status.value))
     return found.point
-
-
-def factored(qp: QP, held: np.ndarray) -> DenseFactors | KKTFactors:
-    """Return the factors of the KKT matrix K of held constraints."""
-    (P, _, G, _, A, *_), p, m = qp, qp.b.size, qp.h.size
-    equalities, rows = np.flatnonzero(held[:p]), np.flatnonzero(held[p : p + m])
-    free = np.flatnonzero(held[p + m :] == 0)
-    if qp.is_dense:
-        C = np.concatenate((A[equalities], G[rows]))[:, free]
-        zero = np.zeros((C.shape[0], C.shape[0]))
-        return DenseFactors(np.block([[P[np.ix_(free, free)], C.T], [C, zero]]))
-    A, G = submatrix(A, equalities, free), submatrix(G, rows, free)
-    return KKTFactors(KKT(submatrix(P, free, free), by_rows(A), by_rows(G)))
-
-
-def dependencies(qp: QP, held: np.ndarray, null_space: np.ndarray) -> np.ndarray:
-    """Return N, which spans the combinations of held constraints that vanish.
-
-    It is read from the null space of the KKT matrix. A vector (u, v) of that has
-    P u = 0, C u = 0 and C'v = 0: v alone is a dependency.
-    """
-    p, rows = qp.b.size, qp.b.size + qp.h.size
-    at = np.flatnonzero(held[:rows])
-    V = null_space[null_space.shape[0] - at.size :]
-    size = np.linalg.norm(null_space, axis=0)
-    left, values, _ = np.linalg.svd(V / size, full_matrices=False)
-    V = left[:, values > INDEPENDENT]
-    N = np.zeros((held.size, V.shape[1]))
-    N[at] = V
-    N[rows:] = -(qp.A.T @ N[:p] + qp.G.T @ N[p:rows])
-    N[rows:][held[rows:] == 0] = 0.0
-    return N
 
 
 def signs(qp: QP, held: np.ndarray) -> np.ndarray:
