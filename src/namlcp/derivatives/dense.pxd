@@ -20,8 +20,8 @@ cdef class DenseItem:
         Py_ssize_t held_n, free_n
         # L, V and the factor of S; right-hand sides for free variables and held rows.
         double *L, *V, *S, *t, *s
-        # Zeros; work space; the array of all these.
-        double *zero, *work
+        # Work space; the array of all these.
+        double *work
         object memory
         # The factors of the solve; whether they serve.
         DenseActiveSet kept

@@ -162,14 +162,12 @@ class DenseItem:
     def __cinit__(self, n: Py_ssize_t, m: Py_ssize_t, p: Py_ssize_t):
         qp = cython.address(self.qp)
         qp.n, qp.m, qp.p = n, m, p
-        most, length, rows = max(n, max(m, p)), 4 * (n + m + p), m + p
+        length, rows = 4 * (n + m + p), m + p
         k = min(n, rows)
-        size = most + length + 2 * (n + rows) + n * n + k * (n + k)
+        size = length + 2 * (n + rows) + n * n + k * (n + k)
         whole = size + (n + m) // 4 + 1  # in the end there are 2 (n + m) bytes
         self.memory = np.empty(whole)
-        self.zero = numbers(self.memory, whole)
-        fill(self.zero, 0.0, most)
-        self.work = self.zero + most
+        self.work = numbers(self.memory, whole)
         qp.Px, qp.Gtz, qp.Aty = self.work, self.work + n, self.work + 2 * n
         qp.Gx = self.work + 3 * n
         self.t = self.work + length
@@ -177,7 +175,7 @@ class DenseItem:
         self.held = cython.cast(cython.p_Py_ssize_t, self.s + rows)
         self.free = self.held + rows
         self.L = cython.cast(cython.p_double, self.free + n)
-        self.strict = cython.cast(cython.p_schar, self.zero + size)
+        self.strict = cython.cast(cython.p_schar, self.work + size)
         self.whole = self.strict + n + m
 
     def take(self, qp, point, kept):
@@ -203,10 +201,8 @@ class DenseItem:
         q, h, b = np.empty(n), np.empty(m), np.empty(p)
         lb, ub = np.empty(n), np.empty(n)
         dx, dy, dz, dz_box = cotangents
-        self.of_x = self.zero if dx is None else numbers(dx, n)
-        self.of_y = self.zero if dy is None else numbers(dy, p)
-        self.of_z = self.zero if dz is None else numbers(dz, m)
-        self.of_box = self.zero if dz_box is None else numbers(dz_box, n)
+        self.of_x, self.of_y = numbers(dx, n), numbers(dy, p)
+        self.of_z, self.of_box = numbers(dz, m), numbers(dz_box, n)
         self.u, self.lam, self.nu = numbers(q, n), numbers(h, m), numbers(b, p)
         self.lower, self.upper = numbers(lb, n), numbers(ub, n)
         solve_item(self)

@@ -177,21 +177,16 @@ class QPDerivative:
 
     def backward(self, dx: Any, dy: Any, dz: Any, dz_box: Any) -> QPGradients:
         parts = zip(Point._fields, (dx, dy, dz, dz_box), self.solution, strict=True)
-        given = tuple(
-            None if d is None else change(f"d{name}", d, name, own)
-            for name, d, own in parts
-        )
+        given = tuple(change(f"d{name}", d, name, own) for name, d, own in parts)
         vectors = q, h, b, lb, ub = self.solve(given)
         matrix = partial(matrix_gradient, self.given, vectors, self.point)
         return QPGradients(q, h, b, lb, ub, self.weak, self.singular, matrix)
 
-    def solve(self, cotangents: tuple[np.ndarray | None, ...]) -> tuple[Any, ...]:
+    def solve(self, cotangents: tuple[np.ndarray, ...]) -> tuple[Any, ...]:
         """Return the gradients in q, h, b, lb and ub."""
         if self.item is not None:
             return self.item.backward(cotangents)
-        pairs = zip(cotangents, self.solution, strict=True)
-        given = (np.zeros(own.size) if v is None else v for v, own in pairs)
-        gx, gy, gz, gz_box = given
+        gx, gy, gz, gz_box = cotangents
         P, C, rows = self.qp.P, self.C, gy.size + gz.size
         at, side = np.flatnonzero(self.held[:rows]), self.held[rows:]
         free, held = np.flatnonzero(side == 0), side != 0
