@@ -21,8 +21,8 @@ from namlcp.results import QPResult
 from namlcp.solve import solve_qp
 from namlcp.status import Status
 
+# The fields of CVXPY's cone dimensions for which a problem is not a QP.
 OTHER_CONES = "exp", "soc", "psd", "p3d", "pnd"
-"""The fields of CVXPY's cone dimensions for which a problem is not a QP."""
 
 
 class NAM(SolverInterface):
@@ -65,11 +65,9 @@ class NAM(SolverInterface):
         self.A, self.G = rows[: dims.zero, :n], rows[dims.zero :, :n]
         self.b, self.h = rows[: dims.zero, n:], rows[dims.zero :, n:]
         self.entries = rows.nnz
-        pattern = context.reduced_P
-        squares = None if pattern is None else pattern.problem_data_index
-        self.P = (
-            sp.csc_array((n, n), dtype=int) if squares is None else numbered(squares)
-        )
+        squares = getattr(context.reduced_P, "problem_data_index", None)
+        empty = np.empty(0, int), np.zeros(n + 1, int), (n, n)
+        self.P = numbered(empty if squares is None else squares)
 
     def solve_numpy(
         self,

@@ -2,16 +2,17 @@
 
 The solution comes from a callback to the processor. Its derivative is written in JAX:
 with the active constraints of the solution held, the KKT conditions are equations, and
-the derivative (dx, dz, dy) solves linear ones with the symmetric matrix (see
-`namlcp.derivatives.qp`; here with all rows, of which a masks the active ones of G and f
-the free variables, so that shapes do not depend on the solution)
+the derivative w = (dx, dz, dy) solves linear ones (see `namlcp.derivatives.qp`) with
 
-        [f P f + (I - f)  f G'a     f A']
-    K = [a G f            -(I - a)  0   ]
-        [A f              0         0   ].
+        [P G' A']
+    H = [G 0  0 ],    K = t H t + diag(1, -1, -1) (I - t),
+        [A 0  0 ]
 
-Matrix, right side and solution are functions of the data, so that the derivative can be
-differentiated again, any number of times, in both modes, under vmap and jit.
+where the diagonal t masks free variables and active rows, so that shapes do not depend
+on the solution: w = w0 + t v, K v = t (right - H w0), w0 moves the fixed variables.
+
+All are functions of the data, so that the derivative can be differentiated again, any
+number of times, in both modes, under vmap and jit.
 """
 
 from collections.abc import Callable
@@ -25,13 +26,10 @@ import numpy as np
 from namlcp.results import QPSolution
 from namlcp.stack import AXES, Stack
 
-SHIFT = 0.6
-"""K is factored with its diagonal shifted by eps**SHIFT of its size, eps the rounding
-unit of the type, so that a singular one has factors; refinement takes it back."""
-
-REFINEMENTS = 3
-"""Steps of refinement; each divides the error by the least singular value of K, scaled
-to rows of size 1, over the shift."""
+# K is factored with its diagonal shifted by eps**SHIFT of its size, eps the rounding
+# unit of the type, so that a singular one has factors. Each step of refinement divides
+# the error by the least singular value of K, scaled to rows of size 1, over the shift.
+SHIFT, REFINEMENTS = 0.6, 3
 
 
 def solve_qp(
@@ -146,37 +144,32 @@ def derivative(
     P, _, G, _, A, *_ = (jnp.where(solved, v, 0.0) for v in data)
     rows, side = found[5:]
     dP, dq, dG, dh, dA, db, dlb, dub = changes
-    free, n, m = jnp.where(side == 0.0, 1.0, 0.0), x.size, z.size
-
     r = dP @ x + dq + dG.T @ z + dA.T @ y
+    right = jnp.concatenate((-r, dh - dG @ x, db - dA @ x))
     moved = jnp.where(side < 0.0, dlb, jnp.where(side > 0.0, dub, 0.0))
-    right = (
-        -free * (r + P @ moved),
-        rows * (dh - dG @ x - G @ moved),
-        db - dA @ x - A @ moved,
-    )
-    C = jnp.concatenate((rows[:, None] * G, A)) * free
-    corner = free[:, None] * P * free + jnp.diag(1.0 - free)
-    idle = jnp.concatenate((1.0 - rows, jnp.zeros_like(y)))
-    K = jnp.block([[corner, C.T], [C, -jnp.diag(idle)]])
-    w = solve_symmetric(K, jnp.concatenate(right), n)
+    C, v = jnp.concatenate((G, A)), jnp.concatenate((z, y))
+    H = jnp.block([[P, C.T], [C, jnp.zeros_like(jnp.outer(v, v))]])
+    free = jnp.where(side == 0.0, 1.0, 0.0)
+    t = jnp.concatenate((free, rows, jnp.ones_like(y)))
+    sign = jnp.concatenate((jnp.ones_like(x), -jnp.ones_like(v)))
+    K = t[:, None] * H * t + jnp.diag(sign * (1.0 - t))
+    w = jnp.concatenate((moved, jnp.zeros_like(v)))
+    w += t * solve_symmetric(K, t * (right - H @ w), sign)
 
-    dx = moved + free * w[:n]
-    dz, dy = rows * w[n : n + m], w[n + m :]
-    dz_box = (free - 1.0) * (r + P @ dx + G.T @ dz + A.T @ dy)
+    dx, dz, dy = jnp.split(w, (x.size, x.size + z.size))
+    dz_box = (free - 1.0) * (H @ w - right)[: x.size]
     tangent = (jnp.where(solved, v, 0.0) for v in (dx, dy, dz, dz_box))
     return *tangent, *map(jnp.zeros_like, found[4:])
 
 
-def solve_symmetric(K: jax.Array, rhs: jax.Array, n: int) -> jax.Array:
-    """Solve K w = rhs; K is definite on the first n unknowns, negative on the others.
+def solve_symmetric(K: jax.Array, rhs: jax.Array, sign: jax.Array) -> jax.Array:
+    """Solve K w = rhs; K is semidefinite where sign is 1, negative where it is -1.
 
     Where K is singular this is nearly the solution of least norm.
     """
     size = jax.lax.stop_gradient(jnp.abs(K).max(axis=1))
     scale = 1.0 / jnp.sqrt(jnp.where(size > 0.0, size, 1.0))
     K = scale[:, None] * K * scale
-    sign = jnp.where(jnp.arange(K.shape[0]) < n, 1.0, -1.0)
     shift = jnp.finfo(K.dtype).eps ** SHIFT
     factors = jax.scipy.linalg.lu_factor(K + shift * jnp.diag(sign))
 

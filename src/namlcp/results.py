@@ -14,6 +14,7 @@ import numpy as np
 
 from namlcp.checks import constant
 from namlcp.derivatives import (
+    BatchDerivative,
     BatchGradients,
     ClosestDerivative,
     LCPDerivative,
@@ -22,14 +23,11 @@ from namlcp.derivatives import (
     QPDerivative,
     QPGradients,
     QPTangent,
-    differentiate_batch,
-    lcp_directional,
-    qp_directional,
 )
 from namlcp.lcp import LCP, Operator, Prepared, solve_small
 from namlcp.linalg import times
 from namlcp.linalg.arrays import stamp_of_arrays
-from namlcp.qp import QP, STATUSES, Items, Nearest, Point, qp_arrays, stamp_of
+from namlcp.qp import QP, STATUSES, Items, Nearest, Point, qp_data, stamp_of
 from namlcp.residuals import Residuals
 from namlcp.result_base import LCPResultBase, ResultBase
 from namlcp.status import OBJECTIVE, Outcome, Status
@@ -260,7 +258,7 @@ class LCPResult(Single, LCPResultBase):
         >>> [float(result.directional(dq=[d]).z[0]) for d in (-1.0, 1.0)]
         [1.0, 0.0]
         """
-        return lcp_directional(self.derivative, dA, dq, dlower, dupper)
+        return self.derivative.directional(dA, dq, dlower, dupper)
 
     @property
     def derivative(self) -> LCPDerivative:
@@ -430,7 +428,7 @@ class QPResult(Single, ResultBase):
         It is exact where constraints are active with a multiplier 0, too, and not
         linear in the direction there; elsewhere it is that of `forward`, whose
         arguments and result it has. dlb and dub of a pinned variable must be equal. One
-        more QP is solved (`namlcp.derivatives.directional`); ValueError says that it
+        more QP is solved (`namlcp.derivatives.qp`); ValueError says that it
         has no solution.
 
         Examples
@@ -442,7 +440,7 @@ class QPResult(Single, ResultBase):
         [1.0, 0.0]
         """
         changes = dict(P=dP, q=dq, G=dG, h=dh, A=dA, b=db, lb=dlb, ub=dub)
-        return qp_directional(self.derivative, changes)
+        return self.derivative.directional(changes)
 
     @property
     def derivative(self) -> QPDerivative:
@@ -665,9 +663,8 @@ class BatchResult(metaclass=Public):
         if not self.problem.are_unchanged(slice(None)):
             raise ValueError(CHANGED)
         points = Point(self.x, self.y, self.z, self.z_box)
-        return differentiate_batch(
-            self.problem, points, self.solved, (dx, dy, dz, dz_box), threads
-        )
+        derivative = BatchDerivative(self.problem, points, self.solved, threads)
+        return derivative.backward(dx, dy, dz, dz_box)
 
     @property
     def statuses(self) -> list[Status]:
@@ -865,7 +862,10 @@ def problem_of(result: QPResult | LCPResult | ClosestPoint) -> Any:
         return clean_lcp(*problem)
     if len(problem) == len(QP._fields):  # the arguments of `solve_qp`
         P, _, G, _, A, *_ = problem
-        return qp_arrays(*problem), (P, G, A)
+        try:
+            return qp_data(*problem), (P, G, A)
+        except ValueError:  # they were clean
+            raise ValueError(CHANGED) from None
     if len(problem) == 3:  # the matrices, the vectors, and P, G, A of a `Solver`
         matrices, vectors, given = problem
         return QP.of(matrices, vectors), given

@@ -7,19 +7,13 @@ NumPy's do: P of shape (n, n) belongs to all items, q of shape (10, 1, n) and h 
 
 from collections.abc import Sequence
 from functools import cached_property
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
 from namlcp.checks import refuse_number
-from namlcp.derivatives import (
-    Found,
-    differentiate_batch,
-    differentiate_items,
-    right_sides,
-)
-from namlcp.qp import QP, Point, available_cores, qp_data
+from namlcp.derivatives import BatchDerivative, Found, right_sides
+from namlcp.qp import QP, Items, Point
 from namlcp.solve import solve_batch, solve_qp
 from namlcp.status import Status
 
@@ -62,20 +56,19 @@ class Stack:
         if self.lead and not self.stacked:
             self.stacked = {"q"}  # a stack of one item
         self.flat: dict[str, Any] = dict.fromkeys(AXES) | self.flattened(self.parts)
-        found: Any
+        solve: Any = solve_batch if self.lead else solve_qp
+        found = solve(**self.flat, **settings)
         if self.lead:
-            found = solve_batch(**self.flat, **settings)
             solved, self.items = found.solved, found.problem
         else:
-            found = solve_qp(**self.flat, **settings)
-            solved = np.array([found.status is Status.SOLVED])
+            solved, self.items = np.array([found.status is Status.SOLVED]), None
         values = found.x, found.y, found.z, found.z_box
         self.points = Point(
             *(np.where(solved[:, None], np.atleast_2d(v), np.nan) for v in values)
         )
         self.solved = solved.reshape(self.lead)
         self.solution = self.shaped(self.points)
-        self.threads = settings.get("threads") or available_cores()
+        self.threads = settings.get("threads")
 
     def flattened(self, parts: Arrays) -> Arrays:
         """Return arguments with one axis of items, or none where they are shared."""
@@ -99,19 +92,11 @@ class Stack:
         not solved have gradients 0.
         """
         flat = tuple(np.reshape(v, (self.size, -1)) for v in cotangents)
-        which = self.solved.reshape(-1)
-        found = differentiate_batch(self.items, self.points, which, flat, self.threads)
+        found = self.derivative.backward(*flat)
         return [
             self.summed(k, getattr(found, k)) if asked and k in self.parts else None
             for k, asked in zip(AXES, wanted, strict=True)
         ]
-
-    def differentiated(self, cotangents: tuple[Any, ...]) -> tuple[Found, Point]:
-        """Return what `differentiate_items` does for these gradients, one axis each."""
-        which = self.solved.reshape(-1)
-        return differentiate_items(
-            self.items, self.points, which, cotangents, self.threads
-        )
 
     def summed(self, name: str, gradient: np.ndarray) -> np.ndarray:
         """Return a gradient summed over the axes along which its argument is shared."""
@@ -134,35 +119,33 @@ class Stack:
         changes = {name: np.array(v) for name, v in named if v is not None}
         for name, change in changes.items():
             refuse_number(f"d{name}", change, False)
-        held, point = self.held
+        point, sides = self.held.points, self.held.sides
         parts = {"q": "x", "b": "y", "h": "z", "lb": "x", "ub": "x"}
         absent = {k: np.zeros(getattr(point, part).shape) for k, part in parts.items()}
         d = absent | self.flattened(changes)
         r, dh, db = right_sides(d, point)
-        side = held.sides[:, point.z.shape[1] :]
+        side = sides[:, point.z.shape[1] :]
         dx = np.where(side > 0, d["ub"], d["lb"])  # read where x_j is held
-        found, _ = self.differentiated((-r, db, dh, dx))
-        return self.shaped(Point(-found.q, found.b, found.h, found.lb + found.ub))
+        q, h, b, lb, ub = self.derivative.solve((-r, db, dh, dx)).vectors
+        return self.shaped(Point(-q, b, h, lb + ub))
 
     @cached_property
-    def items(self) -> Any:
-        """A single QP as the `Items` of a batch."""
-        qp, given = qp_data(**self.flat), (None, None, None)
-        return SimpleNamespace(
-            shared=qp, stacked={}, given=given, item=lambda _: (qp, given)
-        )
+    def derivative(self) -> BatchDerivative:
+        """That of all items; a single QP is one, too."""
+        items, used = self.items or Items(self.flat), self.solved.reshape(-1)
+        return BatchDerivative(items, self.points, used, self.threads)
 
     @cached_property
-    def held(self) -> tuple[Found, Point]:
+    def held(self) -> Found:
         """The constraints held of each item, and the solution with multipliers used."""
-        return self.differentiated(tuple(map(np.zeros_like, self.points)))
+        return self.derivative.solve(tuple(map(np.zeros_like, self.points)))
 
     def faces(self) -> tuple[np.ndarray, np.ndarray]:
         """Return which rows of G are held active (1 or 0), and the side of each x_j.
 
         The side is -1 at a lower bound, 1 at an upper one, else 0.
         """
-        sides = self.held[0].sides
+        sides = self.held.sides
         sides = sides.reshape(*self.lead, sides.shape[1])
         held, side = np.split(sides, [self.points.z.shape[1]], axis=-1)
         return held, side

@@ -24,7 +24,7 @@ import numpy as np
 import scipy.sparse as sp
 
 import namlcp
-from namlcp.derivatives.marks import sides_of
+from namlcp.derivatives.dense import sides_of
 from namlcp.qp import QP
 from validation.derivatives import cases
 from validation.harness import Job, Row

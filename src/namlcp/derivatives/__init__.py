@@ -3,8 +3,6 @@
 They take problems, points and factors; the methods of results call them.
 """
 
-from namlcp.derivatives.closest import ClosestDerivative
-from namlcp.derivatives.directional import lcp_directional, qp_directional
 from namlcp.derivatives.gradients import (
     BatchGradients,
     LCPGradients,
@@ -15,8 +13,8 @@ from namlcp.derivatives.gradients import (
 )
 from namlcp.derivatives.lcp import LCPDerivative
 from namlcp.derivatives.qp import (
+    BatchDerivative,
+    ClosestDerivative,
     Found,
     QPDerivative,
-    differentiate_batch,
-    differentiate_items,
 )

@@ -1,9 +1,8 @@
 from namlcp.measure cimport Terms
 from namlcp.qp.active.dense cimport DenseActiveSet
 
-cdef double LEAST_PIVOT
+cdef double ACTIVE, LEAST_PIVOT
 cdef enum:
-    AT_ONCE = 2000
     ARRAYS = 16
     SOLVES = 2
 
@@ -11,34 +10,17 @@ cdef class DenseItem:
     cdef:
         # The QP with its solution; gradients in x, y, z and z_box; those in the data.
         Terms qp
-        const double *P
-        const double *G
-        const double *A
-        const double *of_x
-        const double *of_y
-        const double *of_z
-        const double *of_box
-        double *u
-        double *lam
-        double *nu
-        double *lower
-        double *upper
-        # Sides of constraints, see `marks`; how many are weak.
-        signed char *strict
-        signed char *whole
+        const double *P, *G, *A, *of_x, *of_y, *of_z, *of_box
+        double *u, *lam, *nu, *lower, *upper
+        # Sides of constraints; how many are weak.
+        signed char *strict, *whole
         readonly Py_ssize_t weak
         # The rows of [A; G] that are held, the free variables, and their numbers.
-        Py_ssize_t *held
-        Py_ssize_t *free
+        Py_ssize_t *held, *free
         Py_ssize_t held_n, free_n
         # L, V and the factor of S; right-hand sides for free variables and held rows.
-        double *L
-        double *V
-        double *S
-        double *t
-        double *s
-        # Zeros; work space; the array of all these.
-        double *zero
+        double *L, *V, *S, *t, *s
+        # Work space; the array of all these.
         double *work
         object memory
         # The factors of the solve; whether they serve.
@@ -46,7 +28,7 @@ cdef class DenseItem:
         bint keeps
         object arrays
 
-cdef int locate(tuple arrays, tuple sizes, Py_ssize_t count, double* absent, double** start, Py_ssize_t* step) except -1
+cdef Py_ssize_t mark(const Terms* t, const double* share, const double* norms, const double* size, signed char* strict, signed char* whole) noexcept nogil
 cdef void set_item(DenseItem m, double** start, const Py_ssize_t* step, Py_ssize_t i) noexcept nogil
 cdef void mark_item(DenseItem m) noexcept nogil
 cdef bint serves(DenseActiveSet own, DenseItem m) noexcept nogil
@@ -57,5 +39,3 @@ cdef void solve_item(DenseItem m) noexcept nogil
 cdef void set_remainder(DenseItem m, bint are_zero) noexcept nogil
 cdef void correct(DenseItem m) noexcept nogil
 cdef void correct_by_kept(DenseActiveSet own, DenseItem m) noexcept nogil
-cdef int write_matrices(DenseItem m, tuple matrices) except -1
-cdef void write_rank_two(double s, const double* a, const double* b, double t, const double* c, const double* d, Py_ssize_t rows, Py_ssize_t columns, double* out) noexcept nogil

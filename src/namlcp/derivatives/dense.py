@@ -1,23 +1,33 @@
-"""Dense QPs differentiated: the regular case of `namlcp.derivatives.qp`.
+"""Active constraints, and the derivatives of dense QPs in compiled code.
 
-The KKT system of the strictly active constraints is factored and solved in compiled
-code; a singular one is left to others. For P_FF = L L' and V = C_F L^-T the Schur
-complement is S = V V', and
+A constraint is strictly active if its multiplier is not 0, and weakly active if its
+multiplier is 0 although it holds with equality; there the solution has a kink. The
+sides of constraints are 1 for a row and at ub, -1 at lb, 0 where the constraint is not
+active: `strict` those of strictly active ones, `whole` of all. A pinned variable (lb_j
+= ub_j) always counts as strictly active, at the bound that its multiplier presses on.
+
+Dense QPs are differentiated in the regular case of `namlcp.derivatives.qp`: for P_FF =
+L L' and V = C_F L^-T the Schur complement is S = V V', and
 
     [P_FF C_F'; C_F 0] (u, v) = (r, s):   S v = V L^-1 r - s,
                                           u = L^-T (L^-1 r - V'v).
 
-A single QP whose solve has left its factors is solved with these, `kept`, if they are
-those of the strictly active constraints: they belong to the whole P, with active bounds
-as rows, see `namlcp.qp.active.engine`.
+The factors that a solve has left, `kept`, serve if they are those of the strictly
+active constraints: they belong to the whole P, with active bounds as rows, see
+`namlcp.qp.active.engine`.
 """
 
 import cython
 import numpy as np
 from cython import Py_ssize_t
 from cython.cimports.libc.math import fabs, sqrt
-from cython.cimports.namlcp.derivatives.marks import ACTIVE, mark
-from cython.cimports.namlcp.linalg.arrays import indices, numbers, places, signs
+from cython.cimports.namlcp.linalg.arrays import (
+    data_of,
+    indices,
+    numbers,
+    places,
+    signs,
+)
 from cython.cimports.namlcp.linalg.blas import (
     cholesky,
     cholesky_solve,
@@ -32,18 +42,118 @@ from cython.cimports.namlcp.linalg.dense import (
     triangle_solve,
     triangle_solve_transposed,
 )
-from cython.cimports.namlcp.linalg.vectors import add_scaled, copy, dot, fill
-from cython.cimports.namlcp.measure import set_terms
+from cython.cimports.namlcp.linalg.vectors import (
+    add_scaled,
+    copy,
+    dot,
+    fill,
+    largest_entry,
+)
+from cython.cimports.namlcp.measure import Terms, set_terms
 from cython.cimports.namlcp.qp.active.dense import DenseActiveSet
 from cython.cimports.namlcp.qp.active.engine import response_of
 
+from namlcp.checks import as_sparse
+from namlcp.linalg import add_transposed, times
+
+# A multiplier counts as 0 if in no column of the stationarity condition its term
+# exceeds this multiple of the largest term there; a slack counts as 0 up to this
+# multiple of (1 + max |x|) times the norm of the row.
+ACTIVE = 1e-8
 # Factors are used if no pivot is below this multiple of its diagonal entry; a single
 # step of refinement then removes the error of the Schur complement.
 LEAST_PIVOT = 1e-8
 # SOLVES: solves with the factors for one right-hand side; the second refines the first.
-# AT_ONCE: entries of the gradients in P, G and A together, up to which they are made
-# with the others: that takes less time than the call that would make one of them later.
 # ARRAYS: data, solution and gradients in the solution.
+
+
+# ---- active constraints
+
+
+def sides_of(qp, point):
+    """Return `strict` and `whole` (p + m + n,), and how many constraints are weak."""
+    t: Terms
+    (P, q, _, h, A, b, lb, ub), (x, y, z, z_box) = qp, point
+    set_terms(cython.address(t), (q, h, b, lb, ub), tuple(point))
+    n, m, p, G = t.n, t.m, t.p, as_sparse(qp.G)
+    Gtz, Aty = np.zeros((2, n))
+    add_transposed(qp.G, z, Gtz)
+    add_transposed(A, y, Aty)
+    size = np.abs((times(P, x), q, z_box, Gtz, Aty)).max(axis=0)
+    np.divide(1.0, size, size, where=size > 0.0)
+    entries, share = np.abs(G.data), np.zeros(m)
+    np.maximum.at(share, G.indices, entries * np.repeat(size, np.diff(G.indptr)))
+    share *= z
+    norms, Gx = np.sqrt(np.bincount(G.indices, entries * entries, m)), times(qp.G, x)
+    sides = np.ones((2, p + m + n), np.int8)
+    strict = signs(sides, 2 * (p + m + n)) + p
+    t.Gx = numbers(Gx, m)
+    weak = mark(
+        cython.address(t), numbers(share, m), numbers(norms, m), numbers(size, n),
+        strict, strict + p + m + n,
+    )  # fmt: skip
+    return *sides, weak
+
+
+def sides_of_lcp(q, lower, upper, slopes, z, w):
+    """Return the sides (2, n) int8 of the unknowns of a solved LCP.
+
+    `strict` is 0 where an unknown counts as free; `whole` counts unknowns at a bound
+    with w = 0 as fixed, too. w_i is 0 up to ACTIVE times the largest term of (A z +
+    q)_i, as far as these are known. z_i is at a bound with w_i != 0 if its distance is
+    less than |w_i| over the slope of w_i in z_i.
+    """
+    n: Py_ssize_t = q.size
+    sides = np.empty((2, n), dtype=np.int8)
+    strict, cost, slope = signs(sides, 2 * n), numbers(q, n), numbers(slopes, n)
+    l, u = numbers(lower, n), numbers(upper, n)
+    x, v = numbers(z, n), numbers(w, n)
+    for i in range(n):
+        term = max(fabs(cost[i]), max(fabs(v[i] - cost[i]), fabs(slope[i] * x[i])))
+        zero, near = ACTIVE * term, ACTIVE * (1.0 + fabs(x[i]))
+        side: cython.int = 0
+        if l[i] == u[i]:
+            side = 1 if v[i] < 0.0 else -1
+        elif v[i] < -zero and slope[i] * (u[i] - x[i]) < -v[i]:
+            side = 1
+        elif v[i] > zero and slope[i] * (x[i] - l[i]) < v[i]:
+            side = -1
+        strict[i] = side
+        if side == 0:
+            side = 1 if u[i] - x[i] <= near else (-1 if x[i] - l[i] <= near else 0)
+        strict[n + i] = side
+    return sides
+
+
+def mark(t, share, norms, size, strict, whole):
+    """Set the sides; return how many constraints are weak.
+
+    share: exceeds ACTIVE where z_i does not count as 0; norms: of the rows of G; size:
+    1 over the largest term of each column of the stationarity condition, or 0.
+    """
+    n, m = t.n, t.m
+    weak: Py_ssize_t = 0
+    near = ACTIVE * (1.0 + largest_entry(t.x, n))
+    for i in range(m):
+        strict[i] = share[i] > ACTIVE
+        whole[i] = strict[i] or t.h[i] - t.Gx[i] <= near * norms[i]
+        weak += whole[i] - strict[i]
+    for j in range(n):
+        side: cython.schar = 0
+        if fabs(t.z_box[j]) * size[j] > ACTIVE or t.lb[j] == t.ub[j]:
+            side = 1 if t.z_box[j] > 0.0 else -1
+        strict[m + j] = side
+        if side == 0:
+            if t.ub[j] - t.x[j] <= near:
+                side = 1
+            elif t.x[j] - t.lb[j] <= near:
+                side = -1
+            weak += side != 0
+        whole[m + j] = side
+    return weak
+
+
+# ---- dense QPs
 
 
 class DenseItem:
@@ -52,14 +162,12 @@ class DenseItem:
     def __cinit__(self, n: Py_ssize_t, m: Py_ssize_t, p: Py_ssize_t):
         qp = cython.address(self.qp)
         qp.n, qp.m, qp.p = n, m, p
-        most, length, rows = max(n, max(m, p)), 4 * (n + m + p), m + p
+        length, rows = 4 * (n + m + p), m + p
         k = min(n, rows)
-        size = most + length + 2 * (n + rows) + n * n + k * (n + k)
+        size = length + 2 * (n + rows) + n * n + k * (n + k)
         whole = size + (n + m) // 4 + 1  # in the end there are 2 (n + m) bytes
         self.memory = np.empty(whole)
-        self.zero = numbers(self.memory, whole)
-        fill(self.zero, 0.0, most)
-        self.work = self.zero + most
+        self.work = numbers(self.memory, whole)
         qp.Px, qp.Gtz, qp.Aty = self.work, self.work + n, self.work + 2 * n
         qp.Gx = self.work + 3 * n
         self.t = self.work + length
@@ -67,14 +175,11 @@ class DenseItem:
         self.held = cython.cast(cython.p_Py_ssize_t, self.s + rows)
         self.free = self.held + rows
         self.L = cython.cast(cython.p_double, self.free + n)
-        self.strict = cython.cast(cython.p_schar, self.zero + size)
+        self.strict = cython.cast(cython.p_schar, self.work + size)
         self.whole = self.strict + n + m
 
     def take(self, qp, point, kept):
-        """Take a single QP, its solution, and the factors of its solve or None.
-
-        Return whether its KKT system has good factors.
-        """
+        """Take a single QP with what its solve has left; tell if K has good factors."""
         (P, q, G, h, A, b, lb, ub), n = qp, self.qp.n
         regular: cython.bint = True
         self.arrays = *qp, *point
@@ -90,86 +195,63 @@ class DenseItem:
                 regular = factor(self)
         return regular
 
-    def backward(self, cotangents, with_matrices):
-        """Return the gradients in q, h, b, lb and ub, and those in P, G and A.
-
-        The latter are there if they are asked for and small, else none of them.
-        """
+    def backward(self, cotangents):
+        """Return the gradients in q, h, b, lb and ub."""
         n, m, p = self.qp.n, self.qp.m, self.qp.p
-        start = cython.declare(cython.p_double[4])
-        step = cython.declare(Py_ssize_t[4])
         q, h, b = np.empty(n), np.empty(m), np.empty(p)
         lb, ub = np.empty(n), np.empty(n)
-        locate(cotangents, (n, p, m, n), 1, self.zero, start, step)
-        self.of_x, self.of_y = start[0], start[1]
-        self.of_z, self.of_box = start[2], start[3]
+        dx, dy, dz, dz_box = cotangents
+        self.of_x, self.of_y = numbers(dx, n), numbers(dy, p)
+        self.of_z, self.of_box = numbers(dz, m), numbers(dz_box, n)
         self.u, self.lam, self.nu = numbers(q, n), numbers(h, m), numbers(b, p)
         self.lower, self.upper = numbers(lb, n), numbers(ub, n)
         solve_item(self)
-        matrices = ()
-        if with_matrices and (n + m + p) * n <= AT_ONCE:
-            matrices = np.empty((n, n)), np.empty((m, n)), np.empty((p, n))
-            write_matrices(self, matrices)
-        return (q, h, b, lb, ub), matrices
+        return q, h, b, lb, ub
 
 
-def differentiate_part(chosen, arrays, found):
-    """Write the gradients of the chosen items to their rows of `found`.
+def differentiate_part(chosen, arrays, out, sides, weak, regular):
+    """Write what a `Found` has of the chosen items, its vectors side by side to `out`.
 
-    arrays: P, q, G, h, A, b, lb, ub, x, y, z, z_box and the gradients in these four,
-    each with the numbers of one item after another, or of one item that stands for all.
-    found: a `Found` of zeros; an item that is singular remains so.
+    arrays: P, q, G, h, A, b, lb, ub, x, y, z, z_box and the gradients in these four, of
+    each item, or of one that stands for all. The zeros in `out` stay where K is
+    singular.
     """
-    count: Py_ssize_t = found.q.shape[0]
-    n: Py_ssize_t = found.q.shape[1]
-    m: Py_ssize_t = found.h.shape[1]
-    p: Py_ssize_t = found.b.shape[1]
+    n: Py_ssize_t = arrays[1].shape[1]
+    m: Py_ssize_t = arrays[3].shape[1]
+    p: Py_ssize_t = arrays[5].shape[1]
+    width: Py_ssize_t = out.shape[1]
+    length: Py_ssize_t = chosen.size
     start = cython.declare(cython.p_double[ARRAYS])
     step = cython.declare(Py_ssize_t[ARRAYS])
     item: DenseItem = DenseItem(n, m, p)
-    sizes = n * n, n, m * n, m, p * n, p, n, n, n, p, m, n, n, p, m, n
-    locate(arrays, sizes, count, item.zero, start, step)
-    q, h = numbers(found.q, count * n), numbers(found.h, count * m)
-    b, lb = numbers(found.b, count * p), numbers(found.lb, count * n)
-    ub, weak = numbers(found.ub, count * n), indices(found.weak, count)
-    side = signs(found.sides, count * (m + n))
-    regular = signs(found.regular.view(np.int8), count)
-    length: Py_ssize_t = chosen.size
+    for k in range(ARRAYS):
+        start[k], step[k] = data_of(arrays[k]), 0
+        if arrays[k].shape[0] > 1:
+            step[k] = arrays[k].strides[0] // 8
+    gradients, side = numbers(out, out.size), signs(sides, sides.size)
+    weak_n, is_regular = (
+        indices(weak, weak.size),
+        signs(regular.view(np.int8), weak.size),
+    )
     which = indices(chosen, length)
     with cython.nogil:
         for t in range(length):
             i = which[t]
             set_item(item, start, step, i)
-            item.u, item.lam, item.nu = q + i * n, h + i * m, b + i * p
-            item.lower, item.upper = lb + i * n, ub + i * n
+            item.u = gradients + i * width
+            item.lam = item.u + n
+            item.nu = item.lam + m
+            item.lower = item.nu + p
+            item.upper = item.lower + n
+            item.strict = side + i * (m + n)
             mark_item(item)
-            weak[i] = item.weak
-            regular[i] = factor(item)
-            if regular[i]:
+            weak_n[i], is_regular[i] = item.weak, factor(item)
+            if is_regular[i]:
                 solve_item(item)
-            for k in range(m + n):
-                side[i * (m + n) + k] = item.strict[k]
-
-
-def locate(arrays, sizes, count, absent, start, step):
-    """Find where arrays are that have `sizes` numbers for each one of `count` items.
-
-    step: the numbers from item to item, 0 for an array that is that of all items. In
-    place of an array that is None there is `absent`.
-    """
-    for k in range(len(arrays)):
-        start[k], step[k] = absent, 0
-        if arrays[k] is not None:
-            size: Py_ssize_t = sizes[k]
-            if arrays[k].size != size:
-                step[k] = size
-                size *= count
-            start[k] = numbers(arrays[k], size)
-    return 0
 
 
 def set_item(m, start, step, i):
-    """Take item i of the arrays that `locate` has found."""
+    """Take item i of arrays; step: the numbers from item to item."""
     qp = cython.address(m.qp)
     m.P, qp.q = start[0] + i * step[0], start[1] + i * step[1]
     m.G, qp.h = start[2] + i * step[2], start[3] + i * step[3]
@@ -234,10 +316,7 @@ def serves(own, m):
 
 
 def factor(m):
-    """Compute L, V and the factor of S; tell whether they exist.
-
-    What is above the diagonal of L and of that factor has no meaning.
-    """
+    """Compute L, V and the factor of S, lower triangles; tell whether they exist."""
     n, k = m.free_n, m.held_n
     if k > n:
         return False
@@ -265,10 +344,7 @@ def row_at(m, k):
 
 
 def has_factor(M, n, diagonal):
-    """Overwrite the lower triangle of M by its Cholesky factor; False if M is singular.
-
-    That is where a pivot is too small a part of its diagonal entry.
-    """
+    """Factor the lower triangle of M; False if a pivot is too small."""
     for i in range(n):
         diagonal[i] = M[i * n + i]
     if not cholesky(M, n):
@@ -375,35 +451,18 @@ def correct_by_kept(own, m):
     add_scaled(1.0, values + own.rows, m.nu, p)
 
 
-def write_matrices(m, matrices):
-    """Write the gradients in P, G and A: those of `product_of`."""
-    qp = cython.address(m.qp)
-    n, (P, G, A) = qp.n, matrices
-    u, x = m.u, qp.x
-    write_rank_two(0.5, u, x, 0.5, x, u, n, n, numbers(P, n * n))
-    write_rank_two(1.0, qp.z, u, -1.0, m.lam, x, qp.m, n, numbers(G, qp.m * n))
-    write_rank_two(1.0, qp.y, u, -1.0, m.nu, x, qp.p, n, numbers(A, qp.p * n))
-    return 0
-
-
-# ---- the matrices s a b' + t c d'
-
-
-def write_rank_two(s, a, b, t, c, d, rows, columns, out):
-    for i in range(rows):
-        first, second, row = s * a[i], t * c[i], out + i * columns
-        for j in range(columns):
-            row[j] = first * b[j] + second * d[j]
-
-
 def rank_two(s: cython.double, a, b, t: cython.double, c, d):
-    rows: cython.Py_ssize_t = a.size
-    columns: cython.Py_ssize_t = b.size
+    """Return s a b' + t c d'."""
+    rows: Py_ssize_t = a.size
+    columns: Py_ssize_t = b.size
     out = np.empty((rows, columns))
-    write_rank_two(
-        s, numbers(a, rows), numbers(b, columns), t, numbers(c, rows),
-        numbers(d, columns), rows, columns, numbers(out, rows * columns),
-    )  # fmt: skip
+    of_a, of_b, of_c = numbers(a, rows), numbers(b, columns), numbers(c, rows)
+    of_d, row = numbers(d, columns), numbers(out, rows * columns)
+    for i in range(rows):
+        first, second = s * of_a[i], t * of_c[i]
+        for j in range(columns):
+            row[j] = first * of_b[j] + second * of_d[j]
+        row += columns
     return out
 
 
@@ -411,9 +470,9 @@ def add_rank_two_at(
     pattern, s: cython.double, a, b, t: cython.double, c, d, data
 ):  # fmt: skip
     """Add the entries of s a b' + t c d' at the places of a matrix in CSC to data."""
-    rows: cython.Py_ssize_t = a.size
-    columns: cython.Py_ssize_t = b.size
-    count: cython.Py_ssize_t = data.size
+    rows: Py_ssize_t = a.size
+    columns: Py_ssize_t = b.size
+    count: Py_ssize_t = data.size
     indptr = places(pattern.indptr, columns + 1)
     indices = places(pattern.indices, count)
     of_a, of_b, of_c = numbers(a, rows), numbers(b, columns), numbers(c, rows)

@@ -1,9 +1,9 @@
 """Factors of dense and of sparse matrices, with refined solves.
 
-Of a singular matrix the solutions are those of least squares. Dense matrices have LU
-factors from LAPACK, sparse ones from SuperLU. The sparse KKT matrix K is scaled to rows
-of size 1 and factored as the quasi-definite K + DELTA diag(I, -I): each step of
-refinement multiplies the error by about DELTA over the least singular value of K.
+Of a singular matrix the solutions are those of least squares. The sparse KKT matrix K
+is scaled to rows of size 1 and factored as the quasi-definite K + DELTA diag(I, -I):
+each step of refinement multiplies the error by about DELTA over the least singular
+value of K.
 """
 
 from collections.abc import Callable
@@ -18,36 +18,23 @@ from namlcp.entries import from_arrays
 from namlcp.linalg import add_transposed, times
 from namlcp.qp import KKT, equilibrate
 
+# A matrix is singular if the reciprocal of its condition, of a sparse one the ratio of
+# its pivots, is below this; singular values below this times its order count as 0.
 SINGULAR = 1e-13
-"""A matrix is singular if the reciprocal of its condition, of a sparse one the ratio of
-its pivots, is below this; singular values below this times its order count as 0."""
-
+# Most steps of refinement, and the residual that ends it, relative to the largest
+# number of right-hand side and solution.
 REFINEMENTS, ROUNDING = 20, 1e-15
-"""Most steps of refinement, and the residual that ends it, relative to the largest
-number of right-hand side and solution."""
-
+# DELTA. A smaller shift makes smaller pivots, whose rounding errors would exceed it;
+# the larger ones are tried where a pivot is 0 by rounding.
 SHIFTS = 1e-8, 3.7e-8, 1.3e-7
-"""DELTA: added to the diagonal of P, and subtracted for rows, in units of K scaled. A
-smaller shift makes smaller pivots, whose rounding errors would exceed it; the larger
-ones are tried where a pivot is 0 by rounding."""
-
-PROJECTIONS = 4
-"""Steps that project random vectors to the null space of K."""
-
-WIDTHS = 1, 4, 16, 64
-"""How many of them, until the null space has fewer dimensions; of one with more than
-the last a part is found."""
-
-VANISHED = 1e-3
-"""A projected unit vector with a norm below this over sqrt(order) counts as 0: a random
-one has a larger part in any null space."""
-
-NULL = 1e-6
-"""Projected vectors with singular values below this, relative to the largest, are
-multiples of the others."""
-
-ZERO_IMAGE = 1e-12
-"""Largest norm of K v, for K scaled and a unit vector v of its null space."""
+# Steps that project random vectors to the null space of K; how many vectors, until the
+# null space has fewer dimensions (of one with more than the last a part is found).
+PROJECTIONS, WIDTHS = 4, (1, 4, 16, 64)
+# A projected unit vector with a norm below VANISHED over sqrt(order) counts as 0: a
+# random one has a larger part in any null space. Those with singular values below NULL,
+# relative to the largest, are multiples of the others; of a unit vector v of the null
+# space || K v || is at most ZERO_IMAGE, for K scaled.
+VANISHED, NULL, ZERO_IMAGE = 1e-3, 1e-6, 1e-12
 
 
 def refined(
@@ -73,10 +60,7 @@ def refined(
 class DenseFactors:
     """LU factors of K with rows and columns scaled; its pseudo-inverse if singular.
 
-    Attributes
-    ----------
-    null_space : (order, k) array
-        A basis of the vectors that K maps to 0.
+    null_space (order, k): a basis of the vectors that K maps to 0.
     """
 
     def __init__(self, K: np.ndarray) -> None:
@@ -98,18 +82,16 @@ class DenseFactors:
         self.regular = not self.null_space.size
 
     def solve(self, r: np.ndarray, transposed: bool = False) -> np.ndarray:
-        K, inverse, left, right = self.K, self.inverse, self.rows, self.columns
-        if not r.size:
-            return r
+        K, left, right = self.K, self.rows, self.columns
         if transposed:
             K, left, right = K.T, right, left
-            inverse = None if inverse is None else inverse.T
-        if inverse is not None:
-            return right * (inverse @ (left * r))
-        trans = int(transposed)
-        return right * refined(
-            lambda v: dgetrs(self.lu, self.pivots, v, trans)[0], K.__matmul__, left * r
-        )
+
+        def solve_scaled(v: np.ndarray) -> Any:
+            if self.inverse is None:
+                return dgetrs(self.lu, self.pivots, v, transposed)[0]
+            return (self.inverse.T if transposed else self.inverse) @ v
+
+        return right * refined(solve_scaled, K.__matmul__, left * r) if r.size else r
 
 
 class SparseFactors:
@@ -134,15 +116,7 @@ class SparseFactors:
 
 
 class KKTFactors:
-    """L D L' of a sparse KKT matrix K, which is symmetric.
-
-    Attributes
-    ----------
-    regular : bool
-        Whether K has an inverse, as far as the shifted factors can tell.
-    null_space : (order, k) array
-        A basis of the vectors that K maps to 0.
-    """
+    """L D L' of a sparse KKT matrix K; `null_space` as of `DenseFactors`."""
 
     def __init__(self, kkt: KKT) -> None:
         self.kkt = kkt
@@ -162,7 +136,6 @@ class KKTFactors:
         self.regular = not self.null_space.size
 
     def factor(self, shift: float) -> bool:
-        """Factor K scaled + shift diag(I, -I); False if a pivot is 0 by rounding."""
         kkt = self.kkt
         kkt.data[:] = self.values
         kkt.data[kkt.diagonal[: kkt.n]] += shift

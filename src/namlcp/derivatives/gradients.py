@@ -4,7 +4,7 @@ The gradients in the matrices are outer products: they are formed when asked for
 form in which the user gave the matrix, a sparse one on its stored entries alone.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -37,45 +37,6 @@ class QPTangent(NamedTuple):
     singular: bool
 
 
-class RankTwo(NamedTuple):
-    """s a b' + t c d', asked for on the entries of a matrix of the user.
-
-    The vectors may have a leading axis, which stands for as many such sums.
-    """
-
-    s: float
-    a: np.ndarray
-    b: np.ndarray
-    t: float
-    c: np.ndarray
-    d: np.ndarray
-
-    def on(self, pattern: Any) -> Any:
-        """Return their sum as an array, or on the entries stored in a sparse `pattern`.
-
-        A CSR matrix has its gradient in CSR, any other sparse matrix in CSC.
-        """
-        s, a, b, t, c, d = self
-        if not sp.issparse(pattern):
-            return rank_two(*self) if a.ndim == 1 else s * (a.T @ b) + t * (c.T @ d)
-        is_csr = pattern.format == "csr"
-        pattern = sparse_matrix("pattern", pattern, "csr" if is_csr else "csc")
-        if is_csr:
-            a, b, c, d = b, a, d, c
-        indptr, indices, data = pattern.indptr, pattern.indices, np.zeros(pattern.nnz)
-        sums = (np.atleast_2d(v) for v in (a, b, c, d))
-        for one, two, three, four in zip(*sums, strict=True):
-            add_rank_two_at(pattern, s, one, two, t, three, four, data)
-        kind = sp.csr_array if is_csr else sp.csc_array
-        return from_arrays((indptr.copy(), indices.copy(), data), pattern.shape, kind)
-
-    def stacked(self) -> np.ndarray:
-        """Return the array of each item."""
-        s, a, b, t, c, d = self
-        first, second = s * a[:, :, None], t * c[:, :, None]
-        return first * b[:, None, :] + second * d[:, None, :]
-
-
 def formed(name: str) -> Any:
     """Return the attribute that is the gradient in a matrix of this name."""
     found = cached_property(lambda gradients: gradients.matrix(name))
@@ -95,10 +56,9 @@ class QPGradients:
         together have a derivative: it stands at the bound that the multiplier presses
         on.
     P, G, A : array or sparse array
-        Formed at the first access, small ones with the others. Sparse where the matrix
-        was given so, on its stored entries (CSR for CSR, else CSC). That of P is
-        symmetric: the scalar changes by the sum of P_ij dP_ij over all i and j, for a
-        symmetric dP.
+        Formed at the first access. Sparse where the matrix was given so, on its stored
+        entries (CSR for CSR, else CSC). That of P is symmetric: the scalar changes by
+        the sum of P_ij dP_ij over all i and j, for a symmetric dP.
     weak : int
         How many constraints are active with a multiplier 0. The solution has a kink
         there; the gradients are those of the QP without these constraints, one of the
@@ -152,17 +112,51 @@ def change(name: str, value: Any, other: str, own: Any) -> Any:
     return vector(name, value, own.size, other, own.shape, finite=True)
 
 
-def product_of(vectors: tuple[np.ndarray, ...], point: Point, name: str) -> RankTwo:
+def rank_two_on(
+    pattern: Any, s: float, a: Any, b: Any, t: float, c: Any, d: Any
+) -> Any:
+    """Return s a b' + t c d' as an array, or on the entries of a sparse `pattern`.
+
+    The vectors may have a leading axis, of sums to be added up. A CSR matrix has its
+    gradient in CSR, any other sparse matrix in CSC.
+    """
+    if not sp.issparse(pattern):
+        if a.ndim == 1:
+            return rank_two(s, a, b, t, c, d)
+        return s * (a.T @ b) + t * (c.T @ d)
+    is_csr = pattern.format == "csr"
+    pattern = sparse_matrix("pattern", pattern, "csr" if is_csr else "csc")
+    if is_csr:
+        a, b, c, d = b, a, d, c
+    indptr, indices, data = pattern.indptr, pattern.indices, np.zeros(pattern.nnz)
+    for one, two, three, four in zip(*map(np.atleast_2d, (a, b, c, d)), strict=True):
+        add_rank_two_at(pattern, s, one, two, t, three, four, data)
+    kind = sp.csr_array if is_csr else sp.csc_array
+    return from_arrays((indptr.copy(), indices.copy(), data), pattern.shape, kind)
+
+
+def matrix_gradient(
+    given: tuple[Any, ...],
+    vectors: Sequence[np.ndarray],
+    point: Point,
+    name: str,
+    stacked: Collection[str] = (),
+) -> Any:
     """Return the gradient in P, G or A from those in q, h and b, the first `vectors`.
 
-    It is (g_q x' + x g_q') / 2, z g_q' - g_h x' or y g_q' - g_b x'.
+    It is (g_q x' + x g_q') / 2, z g_q' - g_h x' or y g_q' - g_b x'; in one that is
+    stacked that of each item, else in the form of the matrix `given`.
     """
     of_q, of_h, of_b = vectors[:3]
     x, y, z, _ = point
-    if name == "P":
-        return RankTwo(0.5, of_q, x, 0.5, x, of_q)
-    dual, change = (z, of_h) if name == "G" else (y, of_b)
-    return RankTwo(1.0, dual, of_q, -1.0, change, x)
+    s, a, b, t, c, d = 0.5, of_q, x, 0.5, x, of_q
+    if name != "P":
+        dual, change = (z, of_h) if name == "G" else (y, of_b)
+        s, a, b, t, c, d = 1.0, dual, of_q, -1.0, change, x
+    if name in stacked:
+        first, second = s * a[:, :, None], t * c[:, :, None]
+        return first * b[:, None] + second * d[:, None]
+    return rank_two_on(given["PGA".index(name)], s, a, b, t, c, d)
 
 
 def right_sides(changes: dict[str, Any], point: Point) -> tuple[Any, Any, Any]:
@@ -229,10 +223,7 @@ class LCPGradients:
     upper: np.ndarray
     weak: int
     singular: bool
-    matrix: Callable[[], Any] = field(repr=False)
+    matrix: Callable[[str], Any] = field(repr=False)
     """Returns the gradient in A."""
 
-    @cached_property
-    def A(self) -> Any:
-        """The gradient in A."""
-        return self.matrix()
+    A = formed("A")

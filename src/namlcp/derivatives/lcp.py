@@ -13,43 +13,47 @@ Forward, along a direction of the data, with r = dA z + dq:
 These hold where no unknown is at a bound with w = 0 and A_FF is regular. Elsewhere the
 solution has kinks, and an element of the generalised Jacobian is chosen as for QPs:
 unknowns at a bound with w = 0 count as free, or as fixed where A_FF is singular with
-them.
+them. Along one direction dz then solves the LCP with A and r in which unknowns of F are
+free, those of B fixed, and those at a bound with w = 0 have one bound.
 
-From order LARGE_LCP on, matrices like those of differential equations are inverted by
-a Krylov method with truncated multigrid cycles, with the hierarchy of the solve.
+From order LARGE_LCP on, matrices like those of differential equations are not factored:
+a Krylov method with truncated multigrid cycles has the hierarchy of the solve.
 """
 
-from functools import partial
 from typing import Any
 
 import numpy as np
 from scipy.sparse import csc_array, csr_array
 
 from namlcp.checks import from_arrays, no_rows
+from namlcp.derivatives.dense import sides_of_lcp
 from namlcp.derivatives.factors import DenseFactors, KKTFactors, SparseFactors
-from namlcp.derivatives.gradients import LCPGradients, LCPTangent, RankTwo, change
-from namlcp.derivatives.marks import sides_of_lcp
-from namlcp.lcp import LARGE_LCP, LCP, FreeSystem, Operator, Prepared, hierarchy_of
+from namlcp.derivatives.gradients import LCPGradients, LCPTangent, change, rank_two_on
+from namlcp.lcp import (
+    ACCURACY,
+    LARGE_LCP,
+    LCP,
+    FreeSystem,
+    Operator,
+    Prepared,
+    hierarchy_of,
+    lcp_data,
+    solve_by_method,
+)
+from namlcp.limits import Limits
 from namlcp.linalg import arrays_of, by_rows, submatrix
 from namlcp.qp import KKT
+from namlcp.status import Status
 
-ACCURACY = 1e-12
-"""Residual of multigrid solves, relative to the right-hand side."""
+# Of multigrid solves, relative to the right-hand side.
+RESIDUAL = 1e-12
 
 
 class LCPDerivative:
-    """The derivative of one solution: its fixed unknowns, and the factors of A_FF.
-
-    Attributes
-    ----------
-    weak : int
-        How many unknowns are at a bound with w = 0.
-    singular : bool
-        Whether A_FF is singular, F all unknowns with w = 0.
-    """
+    """The derivative of one solution; `weak` and `singular` as in `LCPGradients`."""
 
     def __init__(self, lcp: LCP, given: Any, z: np.ndarray, w: np.ndarray) -> None:
-        """Choose F and factor A_FF; `given`: A as the user holds it."""
+        """Choose F and factor A_FF; `given`: A as the user stores it."""
         if isinstance(lcp.A, Operator):
             raise ValueError("derivatives need the entries of A, got a LinearOperator")
         self.lcp, self.given, self.z = lcp, given, z
@@ -67,30 +71,47 @@ class LCPDerivative:
             self.singular = True
 
     def backward(self, dz: Any, dw: Any) -> LCPGradients:
-        A, free, side = self.lcp.A, self.free, self.side
-        q = self.lcp.q
-        gz, gw = change("dz", dz, "q", q), change("dw", dw, "q", q)
-        rho = np.where(side != 0, gw, 0.0)
-        right = gz + rho @ A if rho.any() else gz
-        rho[free] = self.factors.solve(-right[free], transposed=True)
-        mu = gz + rho @ A
+        q, side = self.lcp.q, self.side
+        rho, mu = self.solve(change("dz", dz, "q", q), change("dw", dw, "q", q), True)
         lower, upper = np.where(side < 0, mu, 0.0), np.where(side > 0, mu, 0.0)
-        product = RankTwo(1.0, rho, self.z, 0.0, rho, self.z)
-        matrix = partial(product.on, self.given)
+
+        def matrix(_: str) -> Any:
+            return rank_two_on(self.given, 1.0, rho, self.z, 0.0, rho, self.z)
+
         return LCPGradients(rho, lower, upper, self.weak, self.singular, matrix)
 
-    def forward(self, dA: Any, dq: Any, dlower: Any, dupper: Any) -> LCPTangent:
-        A, free, side = self.lcp.A, self.free, self.side
-        r, dl, du = self.direction(dA, dq, dlower, dupper)
-        dz = np.where(side < 0, dl, np.where(side > 0, du, 0.0))
-        right = r + A @ dz if dz.any() else r
-        dz[free] = self.factors.solve(-right[free], transposed=False)
-        dw = np.where(side != 0, A @ dz + r, 0.0)
+    def forward(self, *changes: Any) -> LCPTangent:
+        r, dl, du = self.direction(*changes)
+        dz, dw = self.solve(r, np.where(self.side < 0, dl, du), False)
         return LCPTangent(dz, dw, self.weak, self.singular)
 
-    def direction(
-        self, dA: Any, dq: Any, dlower: Any, dupper: Any
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def solve(self, r: Any, fixed: Any, transposed: bool) -> tuple[Any, Any]:
+        """Return v and M v + r, M = A or A': v = fixed on B, M v + r = 0 on F."""
+        M, free = self.lcp.A.T if transposed else self.lcp.A, self.free
+        v = np.where(self.side != 0, fixed, 0.0)
+        right = r + M @ v if v.any() else r
+        v[free] = self.factors.solve(-right[free], transposed)
+        return v, np.where(self.side != 0, M @ v + r, 0.0)
+
+    def directional(self, *changes: Any) -> LCPTangent:
+        if not self.weak and not self.singular:
+            return self.forward(*changes)
+        side, fixed = self.weak_side, self.strict_side != 0
+        r, dl, du = self.direction(*changes)
+        change = np.where(side < 0, dl, du)
+        lower = np.where(fixed | (side < 0), change, -np.inf)
+        upper = np.where(fixed | (side > 0), change, np.inf)
+        lcp = lcp_data(self.lcp.matrix, r, lower, upper)
+        found = solve_by_method(*lcp, Limits(eps_rel=ACCURACY), is_next=True)
+        if found.status is not Status.SOLVED:
+            raise ValueError(
+                "the solution has no derivative along this direction: the LCP of the "
+                f"critical cone is {found.status.value}"
+            )
+        dz, dw, _ = found.point
+        return LCPTangent(dz, dw, self.weak, self.singular)
+
+    def direction(self, dA: Any, dq: Any, dlower: Any, dupper: Any) -> tuple[Any, ...]:
         """Return dA z + dq, dlower and dupper for a direction of the data."""
         q, dA = self.lcp.q, change("dA", dA, "A", self.lcp.A)
         r = change("dq", dq, "q", q)
@@ -126,12 +147,9 @@ def sparse_factors(matrix: Prepared, free: np.ndarray) -> KKTFactors | SparseFac
 
 
 class Multigrid:
-    """A large sparse matrix by truncated cycles, factored where these do not converge.
+    """A large sparse A_FF by truncated cycles, factored where these do not converge."""
 
-    A matrix that suits the cycles counts as regular until it is factored.
-    """
-
-    regular = True
+    regular = True  # for all that is known before it is factored
 
     def __init__(self, matrix: Prepared, free: np.ndarray) -> None:
         self.matrix, self.free = matrix, free
@@ -156,9 +174,8 @@ class Multigrid:
             if system is not None:
                 b = np.zeros(self.matrix.n)
                 b[self.free] = r
-                u, converged = system.solve(b, ACCURACY)
+                u, converged = system.solve(b, RESIDUAL)
                 if converged:
                     return u[self.free]
             self.factors = sparse_factors(self.matrix, self.free)
-            self.regular = self.factors.regular
         return self.factors.solve(r, transposed)

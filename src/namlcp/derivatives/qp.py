@@ -36,38 +36,63 @@ Elsewhere the solution has kinks, and an element of the generalised Jacobian is 
 Steps 1 and 2 are derivatives nearby: with the right-hand sides of the dropped rows
 raised, x is still the solution, with the multipliers taken, and all is regular.
 
-The multipliers of constraints that depend on each other are not unique. Let N span the
-combinations (y, z, z_box) of active constraints that vanish, A'y + G'z + z_box = 0 with
-z_box zero outside the active bounds. All multipliers of the solution are then those of
-one plus N t, with the signs that rows and bounds want.
+Along one direction the solution moves like that of the QP of the critical cone,
+
+    min 1/2 dx'P dx + r'dx
+    G_i dx  = (dh - dG x)_i  where z_i > 0,   <=  where row i is weakly active
+    A dx = db - dA x,   bounds alike,
+
+whose multipliers are the derivatives of y, z and z_box (Robinson, Math. Programming
+Study 19 (1982) 200-221; Bonnans and Shapiro, Perturbation Analysis of Optimization
+Problems, 2000, ch. 5).
+
+Multipliers of constraints that depend on each other are not unique: they are those of
+one solution plus N t, with the signs that rows and bounds want, where N spans the
+combinations (y, z, z_box) of active constraints with A'y + G'z + z_box = 0. Along a
+direction t solves an LP, as the derivative of the optimal value has to be largest,
+
+    (dG x - dh)'z + (dA x - db)'y - dlb'z_box^- - dub'z_box^+   (Danskin).
 """
 
-from functools import partial
+from functools import cached_property, partial
+from time import perf_counter
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.sparse import vstack
 
-from namlcp.checks import clean_copy, real_array, refuse_number
-from namlcp.derivatives.dense import DenseItem, differentiate_part
+from namlcp.checks import clean_copy, no_rows, real_array, refuse_number
+from namlcp.derivatives.dense import DenseItem, differentiate_part, sides_of
 from namlcp.derivatives.factors import DenseFactors, KKTFactors
 from namlcp.derivatives.gradients import (
     BatchGradients,
     QPGradients,
     QPTangent,
     change,
-    product_of,
+    matrix_gradient,
+    rank_two_on,
     right_sides,
 )
-from namlcp.derivatives.marks import sides_of
 from namlcp.linalg import add_transposed, by_rows, submatrix, times
-from namlcp.options import check_count
-from namlcp.qp import KKT, QP, Items, Point, available_cores, chunks_of, on_threads
+from namlcp.options import DEFAULT_OPTIONS, check_count
+from namlcp.qp import (
+    KKT,
+    NO_GUESS,
+    QP,
+    Face,
+    Items,
+    Point,
+    available_cores,
+    chunks_of,
+    on_threads,
+    qp_data,
+    solve_checked,
+)
+from namlcp.status import Status
 
-VANISHED = 1e-9
-"""Entries of a combination up to this multiple of its largest one count as 0."""
-
-INDEPENDENT = 1e-6
-"""A combination of null vectors counts as 0 in the multipliers below this norm."""
+# Entries of a combination up to VANISHED of its largest one count as 0; in the
+# multipliers a combination of null vectors counts as 0 below the norm INDEPENDENT.
+VANISHED, INDEPENDENT = 1e-9, 1e-6
 
 
 class QPDerivative:
@@ -75,31 +100,20 @@ class QPDerivative:
 
     Attributes
     ----------
-    qp, solution : QP, Point
-        The problem and its solution.
     item : DenseItem or None
         A dense QP whose strictly active constraints have good Cholesky factors.
-    point : Point
-        The solution, with multipliers 0 of constraints that are not held.
     held, factors : array, DenseFactors or KKTFactors
-        Else the sides of the constraints held, see `marks`, and the factors of K.
-    weak : int
-        How many constraints are active with a multiplier 0.
-    singular : bool
-        Whether K is singular with the strictly active constraints alone.
+        Else the sides of the constraints held, see `dense`, and the factors of K.
+    point : Point
+        The `solution`, with multipliers 0 of constraints that are not held.
+    weak, singular : int, bool
+        As in `QPGradients`.
     """
 
     def __init__(
-        self,
-        qp: QP,
-        point: Point,
-        given: tuple[Any, Any, Any] = (None, None, None),
-        factors: Any = None,
+        self, qp: QP, point: Point, given: Any = None, factors: Any = None
     ) -> None:
-        """Factor; `given`: P, G and A of the user.
-
-        `factors`: those of the solve, if they are there.
-        """
+        """Factor; `given`: P, G and A of the user; `factors`: those of the solve."""
         self.qp, self.given, self.solution = qp, given, point
         self.item: Any = None
         if qp.is_dense:
@@ -116,62 +130,78 @@ class QPDerivative:
         strict, whole, self.weak = sides_of(qp, point)
         self.singular = False
         for held in (strict, whole) if self.weak else (strict,):
-            self.held, self.point, self.factors = held, point, factored(qp, held)
+            self.held, self.point, self.factors = held, point, self.factored(held)
             if self.factors.regular:
                 break
             self.singular = True
-            N = dependencies(qp, held, self.factors.null_space)
+            N = self.dependencies(held, self.factors.null_space)
             if N.size:
                 self.held, self.point = independent(qp, held, point, N)
-                self.factors = factored(qp, self.held)
+                self.factors = self.factored(self.held)
                 if self.factors.regular:
                     break
 
+    @cached_property
+    def C(self) -> Any:
+        """[A; G]."""
+        rows = self.qp.A, self.qp.G
+        return np.concatenate(rows) if self.qp.is_dense else vstack(rows, "csc")
+
+    def factored(self, held: np.ndarray) -> DenseFactors | KKTFactors:
+        """Return the factors of K for held constraints."""
+        P, C, rows = self.qp.P, self.C, self.C.shape[0]
+        at, free = np.flatnonzero(held[:rows]), np.flatnonzero(held[rows:] == 0)
+        if self.qp.is_dense:
+            C, zero = C[np.ix_(at, free)], np.zeros((at.size, at.size))
+            return DenseFactors(np.block([[P[np.ix_(free, free)], C.T], [C, zero]]))
+        P, C = submatrix(P, free, free), by_rows(submatrix(C, at, free))
+        return KKTFactors(KKT(P, C, by_rows(no_rows(free.size))))
+
+    def dependencies(self, held: np.ndarray, null_space: np.ndarray) -> np.ndarray:
+        """Return N, which spans the combinations of held constraints that vanish.
+
+        It is read from the null space of K. A vector (u, v) of that has P u = 0, C u =
+        0 and C'v = 0: v alone is a dependency.
+        """
+        C, rows = self.C, self.C.shape[0]
+        at = np.flatnonzero(held[:rows])
+        V = null_space[null_space.shape[0] - at.size :]
+        size = np.linalg.norm(null_space, axis=0)
+        left, values, _ = np.linalg.svd(V / size, full_matrices=False)
+        V = left[:, values > INDEPENDENT]
+        N = np.zeros((held.size, V.shape[1]))
+        N[at] = V
+        N[rows:] = -(C.T @ N[:rows])
+        N[rows:][held[rows:] == 0] = 0.0
+        return N
+
     def backward(self, dx: Any, dy: Any, dz: Any, dz_box: Any) -> QPGradients:
         parts = zip(Point._fields, (dx, dy, dz, dz_box), self.solution, strict=True)
-        given = tuple(
-            None if d is None else change(f"d{name}", d, name, own)
-            for name, d, own in parts
-        )
-        vectors, matrices = self.solve(given, True)
-        q, h, b, lb, ub = vectors
-        matrix, weak, singular = partial(self.matrix, vectors), self.weak, self.singular
-        gradients = QPGradients(q, h, b, lb, ub, weak, singular, matrix)
-        if matrices:
-            gradients.P, gradients.G, gradients.A = matrices
-        return gradients
+        given = tuple(change(f"d{name}", d, name, own) for name, d, own in parts)
+        vectors = q, h, b, lb, ub = self.solve(given)
+        matrix = partial(matrix_gradient, self.given, vectors, self.point)
+        return QPGradients(q, h, b, lb, ub, self.weak, self.singular, matrix)
 
-    def solve(
-        self, cotangents: tuple[np.ndarray | None, ...], with_matrices: bool = False
-    ) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
-        """Return the gradients in q, h, b, lb and ub, small ones in P, G and A too."""
+    def solve(self, cotangents: tuple[np.ndarray, ...]) -> tuple[Any, ...]:
+        """Return the gradients in q, h, b, lb and ub."""
         if self.item is not None:
-            return self.item.backward(cotangents, with_matrices)
-        pairs = zip(cotangents, self.solution, strict=True)
-        given = (np.zeros(own.size) if v is None else v for v, own in pairs)
-        gx, gy, gz, gz_box = given
-        P, _, G, _, A = self.qp[:5]
-        p, rows = gy.size, gy.size + gz.size
+            return self.item.backward(cotangents)
+        gx, gy, gz, gz_box = cotangents
+        P, C, rows = self.qp.P, self.C, gy.size + gz.size
         at, side = np.flatnonzero(self.held[:rows]), self.held[rows:]
         free, held = np.flatnonzero(side == 0), side != 0
         u, v = held * gz_box, np.zeros(rows)
         of_x, of_v = gx, np.concatenate((gy, gz))
         if u.any():
             of_x = gx - times(P, u)
-            of_v -= np.concatenate((times(A, u), times(G, u)))
+            of_v -= times(C, u)
         w = self.factors.solve(np.concatenate((of_x[free], of_v[at])))
         u[free], v[at] = np.split(w, [free.size])
-        nu, lam = np.split(v, [p])
         terms = times(P, u)
-        add_transposed(G, lam, terms)
-        add_transposed(A, nu, terms)
+        add_transposed(C, v, terms)
+        nu, lam = np.split(v, [gy.size])
         mu = held * (gx - terms)
-        return (0.0 - u, lam, nu, (side < 0) * mu, (side > 0) * mu), ()
-
-    def matrix(self, vectors: tuple[np.ndarray, ...], name: str) -> Any:
-        """Return the gradient in P, G or A in the form of the user's matrix."""
-        pattern = self.given["PGA".index(name)]
-        return product_of(vectors, self.point, name).on(pattern)
+        return 0.0 - u, lam, nu, (side < 0) * mu, (side > 0) * mu
 
     def forward(self, changes: dict[str, Any]) -> QPTangent:
         """Return the derivative of the solution along a direction of the data.
@@ -182,8 +212,53 @@ class QPDerivative:
         r, dh, db = right_sides(d, self.point)
         side = self.solution.z_box if self.item else self.held[-d["q"].size :]
         moved = np.where(side > 0, d["ub"], d["lb"])  # read where x_j is held
-        (q, h, b, lb, ub), _ = self.solve((-r, db, dh, moved))
+        q, h, b, lb, ub = self.solve((-r, db, dh, moved))
         return QPTangent(0.0 - q, b, h, lb + ub, self.weak, self.singular)
+
+    def directional(self, changes: dict[str, Any]) -> QPTangent:
+        if not self.weak and not self.singular:
+            return self.forward(changes)
+        qp, d, C = self.qp, self.direction(changes), self.C
+        _, whole, _ = sides_of(qp, self.solution)
+        point = self.steepest(whole, d)
+        r, dh, db = right_sides(d, point)
+        held, _, _ = sides_of(qp, point)
+        p, rows, e = qp.b.size, C.shape[0], np.concatenate((db, dh))
+        side, fixed = whole[rows:], held[rows:] != 0
+        at = np.flatnonzero(held[:rows])
+        weak = np.flatnonzero((whole[:rows] != 0) & (held[:rows] == 0))
+        change = np.where(side < 0, d["lb"], d["ub"])
+        lower = np.where(fixed | (side < 0), change, -np.inf)
+        upper = np.where(fixed | (side > 0), change, np.inf)
+        words = (
+            "the solution has no derivative along this direction: the QP of the "
+            "critical cone is {}"
+        )
+        rights = C[weak], e[weak], C[at], e[at]
+        dx, y, z, dz_box = solved(words, qp.P, r, *rights, lower, upper)
+        v = np.zeros(rows)
+        v[at], v[weak] = y, z
+        return QPTangent(dx, v[:p], v[p:], dz_box, self.weak, self.singular)
+
+    def steepest(self, whole: np.ndarray, d: dict[str, Any]) -> Point:
+        """Return the multipliers that maximise the derivative of the optimal value."""
+        qp, point = self.qp, self.solution
+        N = self.dependencies(whole, self.factored(whole).null_space)
+        if not N.size:
+            return point
+        sign, value = signs(qp, whole), np.concatenate(point[1:])
+        _, dh, db = right_sides(d, point)
+        change = np.where(whole[-qp.q.size :] < 0, d["lb"], d["ub"])
+        slope = np.concatenate((db, dh, change)) @ N
+        zero, signed = np.zeros((slope.size, slope.size)), sign != 0
+        G, h = -(sign[:, None] * N)[signed], np.maximum(sign * value, 0.0)[signed]
+        words = (
+            "the QP has no solution along this direction: its constraints contradict "
+            "each other (the LP of the multipliers is {})"
+        )
+        best = solved(words, zero, slope, G, h, None, None, None, None)
+        value = value + N @ best.x
+        return Point(point.x, *np.split(value, (qp.b.size, qp.b.size + qp.h.size)))
 
     def direction(self, changes: dict[str, Any]) -> dict[str, Any]:
         """Return the changes of the data by their names; an absent matrix is None."""
@@ -191,36 +266,14 @@ class QPDerivative:
         return {k: change(f"d{k}", changes[k], k, own) for k, own in pairs}
 
 
-def factored(qp: QP, held: np.ndarray) -> DenseFactors | KKTFactors:
-    """Return the factors of the KKT matrix K of held constraints."""
-    (P, _, G, _, A, *_), p, m = qp, qp.b.size, qp.h.size
-    equalities, rows = np.flatnonzero(held[:p]), np.flatnonzero(held[p : p + m])
-    free = np.flatnonzero(held[p + m :] == 0)
-    if qp.is_dense:
-        C = np.concatenate((A[equalities], G[rows]))[:, free]
-        zero = np.zeros((C.shape[0], C.shape[0]))
-        return DenseFactors(np.block([[P[np.ix_(free, free)], C.T], [C, zero]]))
-    A, G = submatrix(A, equalities, free), submatrix(G, rows, free)
-    return KKTFactors(KKT(submatrix(P, free, free), by_rows(A), by_rows(G)))
-
-
-def dependencies(qp: QP, held: np.ndarray, null_space: np.ndarray) -> np.ndarray:
-    """Return N, which spans the combinations of held constraints that vanish.
-
-    It is read from the null space of the KKT matrix. A vector (u, v) of that has
-    P u = 0, C u = 0 and C'v = 0: v alone is a dependency.
-    """
-    p, rows = qp.b.size, qp.b.size + qp.h.size
-    at = np.flatnonzero(held[:rows])
-    V = null_space[null_space.shape[0] - at.size :]
-    size = np.linalg.norm(null_space, axis=0)
-    left, values, _ = np.linalg.svd(V / size, full_matrices=False)
-    V = left[:, values > INDEPENDENT]
-    N = np.zeros((held.size, V.shape[1]))
-    N[at] = V
-    N[rows:] = -(qp.A.T @ N[:p] + qp.G.T @ N[p:rows])
-    N[rows:][held[rows:] == 0] = 0.0
-    return N
+def solved(words: str, *arguments: Any) -> Point:
+    """Return the solution of a QP of these arguments; raise with the words if none."""
+    qp = qp_data(*arguments)
+    given = qp.P, qp.G, qp.A
+    found = solve_checked(qp, DEFAULT_OPTIONS, NO_GUESS, perf_counter(), given=given)
+    if found.status is not Status.SOLVED:
+        raise ValueError(words.format(found.status.value))
+    return found.point
 
 
 def signs(qp: QP, held: np.ndarray) -> np.ndarray:
@@ -258,102 +311,158 @@ def independent(
     return np.where(left_out, 0, held), Point(point.x, *np.split(value, (p, p + m)))
 
 
+# ---- infeasible QPs
+
+
+class ClosestDerivative:
+    """The derivative of the closest point of an infeasible QP, for shifts of norm 2.
+
+    `namlcp.qp.closest` finds it in two stages, which are differentiated one after the
+    other, the constraints held that are active in each (C, d: all rows and right
+    sides):
+
+    1. the shifts r of the held rows: min 1/2 r'W r, C x - r = d, x_j fixed at held
+       bounds;
+    2. the point x: min 1/2 x'Px + q'x, C x = d + r in held rows, <= in the others.
+
+    The gradient in r of stage 2 is that in its right side. In stage 1 x may be any
+    point with these shifts; the one of stage 2 is taken. If the held rows leave x some
+    freedom, a change of C that raises their rank makes shifts and point jump; the
+    gradients are those for changes that do not.
+    """
+
+    def __init__(
+        self, problem: tuple[QP, Any], face: Face, easier: QP, point: Point
+    ) -> None:
+        """Factor; `problem`: the QP with P, G and A as given; the others: stage 2."""
+        self.face, (self.qp, self.given) = face, problem
+        self.first = QPDerivative(*face.least_shifts(point.x))
+        self.second = QPDerivative(easier, point)
+
+    def backward(self, dx: Any, dshift_h: Any, dshift_b: Any) -> QPGradients:
+        qp, face = self.qp, self.face
+        dx = change("dx", dx, "x", qp.q)
+        dshift_h = change("dshift_h", dshift_h, "h", qp.h)
+        dshift_b = change("dshift_b", dshift_b, "b", qp.b)
+        second = self.second.backward(dx, None, None, None)
+        lam = face.spread(second.b, second.h)  # the gradient in d, then also that in r
+        soft = np.zeros(lam.size - dshift_h.size - dshift_b.size)  # bounds
+        dr = (np.concatenate((dshift_h, soft, dshift_b)) + lam)[face.shifted]
+        before = np.concatenate((np.zeros(dx.size), dr))
+        first = self.first.backward(before, None, None, None)
+        mu = face.spread(first.b, np.zeros(second.h.size))
+
+        g_h, g_upper, g_lower, g_b = face.rows.parts(lam + mu)
+        fixed, up = face.v_box != 0.0, face.v_box > 0.0
+        moved = second.lb + second.ub + (first.lb + first.ub)[: dx.size]
+        lb = np.where(fixed, np.where(up, 0.0, moved), second.lb)
+        ub = np.where(fixed, np.where(up, moved, 0.0), second.ub)
+        lb[face.rows.lower] -= g_lower
+        ub[face.rows.upper] += g_upper
+
+        point = self.second.point
+        x, y, z, _ = point
+        u = -second.q
+        stages = (
+            (face.spread(y, z), u, lam),
+            (face.spread(self.first.point.y, 0.0 * z), -first.q[: u.size], mu),
+        )
+        vectors = second.q, g_h, g_b, lb, ub
+
+        def matrix(name: str) -> Any:
+            """Return the gradient in P; in C it is -sum(v u' + lam x')."""
+            if name == "P":
+                return matrix_gradient(self.given, vectors, point, name)
+            part = 0 if name == "G" else -1
+            terms = (
+                (face.rows.parts(v)[part], u, face.rows.parts(lam)[part], x)
+                for v, u, lam in stages
+            )
+            v, u, lam, w = map(np.array, zip(*terms, strict=True))
+            pattern = self.given["PGA".index(name)]
+            return rank_two_on(pattern, -1.0, v, u, -1.0, lam, w)
+
+        return QPGradients(*vectors, second.weak, first.singular, matrix)
+
+
 # ---- batches
 
 
 class Found(NamedTuple):
-    """Gradients in the data of items, one after another, and what they hold.
+    """What is found of items, one after another.
 
-    sides (N, m + n): 1 for rows of G that are held; -1 for variables held at the lower
-    bound, 1 at the upper one; else 0. weak (N,): constraints with a multiplier 0;
-    regular (N,): whether the KKT system of the strictly active constraints is regular.
+    vectors: the gradients in q, h, b, lb and ub. points: the solutions with multipliers
+    0 of constraints that are not held. sides (N, m + n): of rows of G and of variables,
+    see `dense`. regular (N,): whether K is, with the strictly active constraints.
     """
 
-    q: np.ndarray
-    h: np.ndarray
-    b: np.ndarray
-    lb: np.ndarray
-    ub: np.ndarray
+    vectors: list[np.ndarray]
+    points: Point
     sides: np.ndarray
     weak: np.ndarray
     regular: np.ndarray
 
 
-def differentiate_items(
-    items: Items,
-    solutions: Point,
-    which: np.ndarray,
-    cotangents: tuple[np.ndarray, ...],
-    threads: int,
-) -> tuple[Found, Point]:
-    """Return the gradients of each item, and the solutions with the multipliers used.
+class BatchDerivative:
+    """The derivatives of the solutions of a batch, 0 of items that are not `used`."""
 
-    Items that are not in `which` (N,) have gradients and solutions 0. `solutions` and
-    `cotangents` have a leading axis.
-    """
-    shown = which[:, None]
-    points = Point(*(np.where(shown, v, 0.0) for v in solutions))
-    parts = tuple(np.where(shown, v, 0.0) for v in cotangents)
-    for name, part in zip(Point._fields, parts, strict=True):
-        refuse_number(f"d{name}", part, False)
-    n, m, p = points.x.shape[1], points.z.shape[1], points.y.shape[1]
-    count, chosen = which.size, np.flatnonzero(which)
-    q, h, b, lb, ub = (np.zeros((count, size)) for size in (n, m, p, n, n))
-    sides, weak = np.zeros((count, m + n), np.int8), np.zeros(count, np.intp)
-    found = Found(q, h, b, lb, ub, sides, weak, np.zeros(count, bool))
-    if items.shared.is_dense:
-        given = (items.shared._asdict() | items.stacked).values()
-        clean = (clean_copy(v) for v in given)
-        arrays, dense = (*clean, *points, *parts), chosen
-        chunks = chunks_of(dense.size, (n + m + p) * n * n, threads)
+    def __init__(
+        self, items: Items, points: Point, used: np.ndarray, threads: int | None
+    ) -> None:
+        self.items, self.points, self.used = items, points, used
+        self.threads = available_cores() if threads is None else threads
+        check_count("threads", self.threads)
 
-        def work_on_part(k: int) -> None:
-            differentiate_part(dense[chunks[k]], arrays, found)
+    def solve(self, cotangents: tuple[np.ndarray, ...]) -> Found:
+        """Return the gradients of each item from those in its solution."""
+        items, shown = self.items, self.used[:, None]
+        points = Point(*(np.where(shown, v, 0.0) for v in self.points))
+        parts = tuple(np.where(shown, v, 0.0) for v in cotangents)
+        for name, part in zip(Point._fields, parts, strict=True):
+            refuse_number(f"d{name}", part, False)
+        n, m, p = points.x.shape[1], points.z.shape[1], points.y.shape[1]
+        count, chosen = self.used.size, np.flatnonzero(self.used)
+        out = np.zeros((count, 3 * n + m + p))
+        vectors = np.split(out, np.cumsum((n, m, p, n)), axis=1)
+        sides, weak = np.zeros((count, m + n), np.int8), np.zeros(count, np.intp)
+        regular = np.zeros(count, bool)
+        if items.shared.is_dense:
+            pairs, dense = items.shared._asdict().items(), chosen
+            data = (clean_copy(items.stacked.get(k, own[None])) for k, own in pairs)
+            arrays = *data, *points, *parts
+            chunks = chunks_of(dense.size, (n + m + p) * n * n, self.threads)
 
-        on_threads(work_on_part, len(chunks), threads)
-        chosen = dense[~found.regular[dense]]
+            def work_on_part(k: int) -> None:
+                differentiate_part(dense[chunks[k]], arrays, out, sides, weak, regular)
 
-    def work(k: int) -> None:
-        i = chosen[k]
-        point = Point(*(v[i] for v in points))
-        derivative = QPDerivative(items.item(i)[0], point)
-        vectors, _ = derivative.solve(tuple(v[i] for v in parts))
-        for own, vector in zip(found, vectors, strict=False):
-            own[i] = vector
-        found.weak[i], found.regular[i] = derivative.weak, not derivative.singular
-        found.sides[i] = derivative.held[p:]
-        _, points.y[i], points.z[i], _ = derivative.point
+            on_threads(work_on_part, len(chunks), self.threads)
+            chosen = dense[~regular[dense]]
 
-    on_threads(work, chosen.size, threads)
-    return found, points
+        def work(k: int) -> None:
+            i = chosen[k]
+            point = Point(*(v[i] for v in points))
+            derivative = QPDerivative(items.item(i)[0], point)
+            out[i] = np.concatenate(derivative.solve(tuple(v[i] for v in parts)))
+            weak[i], regular[i] = derivative.weak, not derivative.singular
+            sides[i] = derivative.held[p:]
+            _, points.y[i], points.z[i], _ = derivative.point
 
+        on_threads(work, chosen.size, self.threads)
+        return Found(vectors, points, sides, weak, regular)
 
-def differentiate_batch(
-    items: Items,
-    points: Point,
-    used: np.ndarray,
-    cotangents: tuple[Any, ...],
-    threads: int | None,
-) -> BatchGradients:
-    """Return the gradients of the used items from those in their points."""
-    threads = available_cores() if threads is None else threads
-    check_count("threads", threads)
-    pairs = zip(Point._fields, cotangents, points, strict=True)
-    given = tuple(checked_gradient(*pair) for pair in pairs)
-    found, points = differentiate_items(items, points, used, given, threads)
-
-    def matrix(name: str) -> Any:
-        product = product_of(found, points, name)
-        if name in items.stacked:
-            return product.stacked()
-        return product.on(items.given["PGA".index(name)])
-
-    q, h, b, lb, ub = (
-        v.copy() if name in items.stacked else v.sum(axis=0)
-        for name, v in zip(("q", "h", "b", "lb", "ub"), found, strict=False)
-    )
-    singular = used & ~found.regular
-    return BatchGradients(q, h, b, lb, ub, found.weak, singular, matrix, used)
+    def backward(self, *cotangents: Any) -> BatchGradients:
+        pairs = zip(Point._fields, cotangents, self.points, strict=True)
+        found = self.solve(tuple(checked_gradient(*pair) for pair in pairs))
+        given, stacked = self.items.given, self.items.stacked
+        matrix = partial(
+            matrix_gradient, given, found.vectors, found.points, stacked=stacked
+        )
+        q, h, b, lb, ub = (
+            v.copy() if name in stacked else v.sum(axis=0)
+            for name, v in zip(("q", "h", "b", "lb", "ub"), found.vectors, strict=True)
+        )
+        singular = self.used & ~found.regular
+        return BatchGradients(q, h, b, lb, ub, found.weak, singular, matrix, self.used)
 
 
 def checked_gradient(name: str, value: Any, own: np.ndarray) -> np.ndarray:

@@ -22,7 +22,6 @@ from namlcp.qp.problem import (
     Point,
     check_warm_start,
     make_guess,
-    qp_arrays,
 )
 from namlcp.qp.route import Memory, solve_checked
 from namlcp.qp.transforms import equilibrate
