@@ -46,8 +46,8 @@ from namlcp.linalg.csc import arrays_of
 # The largest relative error of one operation, and the least positive number: the
 # largest absolute error of an operation that underflows.
 ROUNDOFF, LEAST_NUMBER = 2.0**-53, 5e-324
-# Most times that rows are dropped from u.
-RESTRICTIONS = 10
+# Most vectors u that are tried, each with fewer rows than the one before.
+RESTRICTIONS = 11
 # Power steps of a round; they go on while a round reduces log(max/min) of (J x)_i / x_i
 # below POWER_HELPS times.
 POWERS, POWER_HELPS = 10, 0.7
@@ -56,9 +56,8 @@ BESIDE = 1e-13
 # Least entry of an x whose largest one is 1, and the factor of the right-hand side of a
 # system whose solution exceeds the range of floating point.
 LEAST_ENTRY, TINY = 1e-250, 2.0**-900
-# Largest orders at which (1) is factored, multigrid solves larger systems, and at which
-# a matrix with over a quarter of its entries is factored as a dense one.
-LARGEST_FACTORED, LARGEST_DENSE_LU = 20_000, 3000
+# Largest order at which (1) is factored: multigrid solves larger systems.
+LARGEST_FACTORED = 20_000
 # Multigrid cycles between two tests of the signs, and most tests for one system.
 CYCLES, TESTS = 2, 6
 
@@ -139,11 +138,6 @@ def is_h_plus(A: Any) -> Verdict:
     return settle(sparse.csr_array(A), "A is an H+ matrix")
 
 
-def row_numbers(A: Any) -> np.ndarray:
-    """Return the row of every stored entry."""
-    return np.repeat(np.arange(A.shape[0]), np.diff(A.indptr))
-
-
 def settle(A: Any, claim: str) -> Verdict:
     """Return the verdict on `claim`: diag(A) - |A - diag(A)| is an M-matrix.
 
@@ -159,13 +153,12 @@ def settle(A: Any, claim: str) -> Verdict:
     checked = ""
     with np.errstate(all="ignore"):
         for source, y in candidates(A, D):
-            above, below, quotient = signs(A, y)
             for _ in range(RESTRICTIONS):
+                above, below, quotient = signs(A, y)
                 rest = np.where(quotient >= 1.0, y, 0.0)
                 if above or below or not rest.any() or np.array_equal(rest, y):
                     break
                 y = rest
-                above, below, quotient = signs(A, y)
             least = float(quotient[y > 0.0].min(initial=math.inf))
             largest = float(quotient[y > 0.0].max(initial=0.0))
             if above:
@@ -185,11 +178,11 @@ def settle(A: Any, claim: str) -> Verdict:
 def candidates(A: Any, D: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
     """Yield (source, nonnegative vector), the cheapest first."""
     yield "v = 1", np.ones(D.size)
-    rows = row_numbers(A)
+    rows = np.repeat(np.arange(D.size), np.diff(A.indptr))
     root = np.sqrt(D)  # a similar matrix, symmetric where A is
-    data = np.abs(A.data) / (root[rows] * root[A.indices])
-    data[rows == A.indices] = 0.0
-    J = sparse.csr_array((data, A.indices, A.indptr), shape=A.shape)
+    J = abs(A)
+    J.data /= root[rows] * root[A.indices]
+    J.data[rows == A.indices] = 0.0
     x, gap = np.ones(D.size), math.inf
     while True:
         scale = ((J @ x) / x).max()
@@ -202,7 +195,7 @@ def candidates(A: Any, D: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
         before, gap = gap, math.log(high / low) if low > 0.0 else math.inf
         if not gap < POWER_HELPS * before:
             break
-    shifts = [1.0 - BESIDE, 1.0 + BESIDE, 1.0]
+    shifts = [1.0 - BESIDE, 1.0 + BESIDE]
     for shift in shifts if D.size <= LARGEST_FACTORED else [math.inf, *shifts]:
         scaled = sparse.diags_array(1.0 / x) @ J @ sparse.diags_array(x)
         largest = float((scaled @ np.ones(x.size)).max()) * (1.0 + 1e-15)
@@ -236,7 +229,7 @@ def signs(A: Any, x: np.ndarray) -> tuple[bool, bool, np.ndarray]:
 
 
 def sums(A: Any, x: np.ndarray) -> np.ndarray:
-    """Return D x, |A - D| x and bounds of the errors of their difference."""
+    """Return D x, |A - D| x and the errors of their difference, as `row_sums` does."""
     found = np.empty((3, x.size))
     row_sums(*arrays_of(A), x, ROUNDOFF, LEAST_NUMBER, *found)
     return found
@@ -264,24 +257,19 @@ def solutions(J: Any, shift: float) -> Iterator[np.ndarray]:
     """Yield approximations of (shift I - J)^-1 1, up to a positive factor."""
     n = J.shape[0]
     b = np.ones(n)
-    if n <= LARGEST_DENSE_LU and J.nnz > n * n // 4:
-        with contextlib.suppress(np.linalg.LinAlgError):
-            yield np.linalg.solve(shift * np.eye(n) - J.toarray(), b)
-        return
     K = sparse.csr_array(sparse.diags_array(np.full(n, shift)) - J)
     if n > LARGEST_FACTORED:
         yield from cycles(K, b)
         return
-    for threshold in (0.0, 1.0):  # pivots from the diagonal do not depend on scaling
-        with contextlib.suppress(RuntimeError):  # exactly singular
-            factor = splu(
-                sparse.csc_array(K),
-                permc_spec="MMD_AT_PLUS_A",
-                diag_pivot_thresh=threshold,
-                options={"SymmetricMode": threshold == 0.0},
-            )
-            y = factor.solve(b)
-            yield y if np.all(np.isfinite(y)) else factor.solve(TINY * b)
+    with contextlib.suppress(RuntimeError):  # exactly singular
+        factor = splu(
+            sparse.csc_array(K),
+            permc_spec="MMD_AT_PLUS_A",
+            diag_pivot_thresh=0.0,  # pivots from the diagonal: these need no scaling
+            options={"SymmetricMode": True},
+        )
+        y = factor.solve(b)
+        yield y if np.all(np.isfinite(y)) else factor.solve(TINY * b)
 
 
 def cycles(K: Any, b: np.ndarray) -> Iterator[np.ndarray]:
