@@ -18,8 +18,8 @@ import numpy as np
 from cython import Py_ssize_t
 from cython.cimports.libc.math import sqrt
 from cython.cimports.libc.stdlib import free, malloc, realloc
+from cython.cimports.namlcp.limits import Watched, is_over, raise_kept
 from cython.cimports.namlcp.linalg.arrays import places
-from cython.cimports.namlcp.watch import Watched, is_over, raise_kept
 
 from namlcp.limits import NEVER, OutOfTime
 from namlcp.linalg.ordering import postordered

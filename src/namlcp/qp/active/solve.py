@@ -14,7 +14,7 @@ import numpy as np
 from cython import Py_ssize_t
 from cython.cimports import numpy as cnp
 from cython.cimports.libc.math import INFINITY, fabs, sqrt
-from cython.cimports.namlcp.limits import Settings
+from cython.cimports.namlcp.limits import Settings, begin_watch, raise_kept
 from cython.cimports.namlcp.linalg.arrays import (
     NO_ENTRIES,
     are_places,
@@ -49,7 +49,6 @@ from cython.cimports.namlcp.result_base import (
     new_result,
     residuals_of,
 )
-from cython.cimports.namlcp.watch import begin_watch, raise_kept
 from scipy.sparse import csc_array, csc_matrix
 
 from namlcp.options import DEFAULT_OPTIONS

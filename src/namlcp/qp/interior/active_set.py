@@ -18,10 +18,10 @@ inactive rows, which do not change.
 
 import cython
 from cython.cimports.libc.math import INFINITY
+from cython.cimports.namlcp.limits import look_at_clock
 from cython.cimports.namlcp.linalg.vectors import copy
 from cython.cimports.namlcp.qp.interior.newton import factor, multiply
 from cython.cimports.namlcp.qp.interior.state import offer
-from cython.cimports.namlcp.watch import look_at_clock
 
 # Modulus of a diagonal entry of K~ that fixes a variable or drops a row.
 OFF = 1e20

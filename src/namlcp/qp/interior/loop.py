@@ -19,6 +19,7 @@ be asked whether there is a feasible point.
 import cython
 import numpy as np
 from cython.cimports.libc.math import INFINITY
+from cython.cimports.namlcp.limits import is_over, look_at_clock, raise_kept
 from cython.cimports.namlcp.linalg.sparse_ldl import as_array
 from cython.cimports.namlcp.linalg.vectors import copy, fill
 from cython.cimports.namlcp.qp.interior.active_set import refine
@@ -36,7 +37,6 @@ from cython.cimports.namlcp.qp.interior.newton import (
     step,
 )
 from cython.cimports.namlcp.qp.interior.state import EXACT, attach, offer
-from cython.cimports.namlcp.watch import is_over, look_at_clock, raise_kept
 
 from namlcp.status import Status
 
