@@ -28,7 +28,6 @@ Every candidate is checked in exact arithmetic (`signs`), so that no answer depe
 the accuracy of a linear solve.
 """
 
-import contextlib
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -41,7 +40,9 @@ from scipy.sparse.linalg import splu
 
 from namlcp.checks import finite_square_matrix
 from namlcp.lcp.loops import row_sums
-from namlcp.linalg.csc import arrays_of
+from namlcp.lcp.multigrid.hierarchy import VCycle, coarsen
+from namlcp.limits import NEVER
+from namlcp.linalg import arrays_of, asymmetry
 
 # The largest relative error of one operation, and the least positive number: the
 # largest absolute error of an operation that underflows.
@@ -58,8 +59,9 @@ BESIDE = 1e-13
 LEAST_ENTRY, TINY = 1e-250, 2.0**-900
 # Largest order at which (1) is factored: multigrid solves larger systems.
 LARGEST_FACTORED = 20_000
-# Multigrid cycles between two tests of the signs, and most tests for one system.
-CYCLES, TESTS = 2, 6
+# Most steps with multigrid cycles for one system, and the residual at which they end,
+# relative to the right-hand side: for a proof its entries must be below those of x.
+STEPS, RESIDUAL = 16, 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,14 +201,15 @@ def candidates(A: Any, D: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
     for shift in shifts if D.size <= LARGEST_FACTORED else [math.inf, *shifts]:
         scaled = sparse.diags_array(1.0 / x) @ J @ sparse.diags_array(x)
         largest = float((scaled @ np.ones(x.size)).max()) * (1.0 + 1e-15)
-        last = np.ones(x.size)
-        for y in solutions(scaled, min(shift, largest)):
-            if np.all(np.isfinite(y)) and y.any():
-                last = y
-                part = np.maximum(-y, 0.0) if np.any(y < 0.0) else y
-                yield "a solution of (1)", x * part / root
-        x = x * np.abs(last)
-        x = np.maximum(x / x.max(), LEAST_ENTRY)
+        try:
+            y = solution(scaled, min(shift, largest))
+        except (RuntimeError, np.linalg.LinAlgError):
+            continue
+        if np.all(np.isfinite(y)) and y.any():
+            part = np.maximum(-y, 0.0) if np.any(y < 0.0) else y
+            yield "a solution of (1)", x * part / root
+            x = x * np.abs(y)
+            x = np.maximum(x / x.max(), LEAST_ENTRY)
 
 
 def signs(A: Any, x: np.ndarray) -> tuple[bool, bool, np.ndarray]:
@@ -253,39 +256,26 @@ def is_weakly_dominant(A: Any) -> bool:
     return all(exact_row(A, i, ones) >= 0 for i in doubtful)
 
 
-def solutions(J: Any, shift: float) -> Iterator[np.ndarray]:
-    """Yield approximations of (shift I - J)^-1 1, up to a positive factor."""
+def solution(J: Any, shift: float) -> np.ndarray:
+    """Return an approximation of (shift I - J)^-1 1, up to a positive factor.
+
+    Raises RuntimeError or LinAlgError for a matrix that is singular, or not finite.
+    """
     n = J.shape[0]
     b = np.ones(n)
     K = sparse.csr_array(sparse.diags_array(np.full(n, shift)) - J)
     if n > LARGEST_FACTORED:
-        yield from cycles(K, b)
-        return
-    with contextlib.suppress(RuntimeError):  # exactly singular
-        factor = splu(
-            sparse.csc_array(K),
-            permc_spec="MMD_AT_PLUS_A",
-            diag_pivot_thresh=0.0,  # pivots from the diagonal: these need no scaling
-            options={"SymmetricMode": True},
-        )
-        y = factor.solve(b)
-        yield y if np.all(np.isfinite(y)) else factor.solve(TINY * b)
-
-
-def cycles(K: Any, b: np.ndarray) -> Iterator[np.ndarray]:
-    """Yield solutions of K x = b of rising accuracy (Ruge and Stueben's multigrid)."""
-    import pyamg  # takes 0.5 s to import
-
-    x = np.zeros(b.size)
-    # A level is singular, or a number leaves its range: K is not an M-matrix.
-    with contextlib.suppress(ValueError, RuntimeError, np.linalg.LinAlgError):
-        levels = pyamg.ruge_stuben_solver(
-            sparse.csr_matrix(K),
-            interpolation="direct",
-            coarse_solver="splu",
-            max_coarse=500,
-        )
-        for _ in range(TESTS):
-            x = levels.solve(b, x0=x, maxiter=CYCLES, tol=1e-14)
-            yield x
-            x = x + (b - K @ x) / K.diagonal()
+        symmetric = asymmetry(K)[0] == 0.0
+        levels = coarsen(K, symmetric, False, NEVER)
+        if levels is None:  # K is not an M-matrix
+            return np.zeros(n)
+        goal = RESIDUAL * math.sqrt(n)
+        return VCycle(levels, symmetric).krylov(0, b, goal, STEPS)
+    factor = splu(
+        sparse.csc_array(K),
+        permc_spec="MMD_AT_PLUS_A",
+        diag_pivot_thresh=0.0,  # pivots from the diagonal: these need no scaling
+        options={"SymmetricMode": True},
+    )
+    y = factor.solve(b)
+    return y if np.all(np.isfinite(y)) else factor.solve(TINY * b)
