@@ -273,7 +273,7 @@ class Solver(metaclass=Public):
                 problem = self.matrices, self.vectors, self.given
                 result = active.step(
                     self.active_set, QPResult, self.vectors, problem,
-                    self.options.settings, start,
+                    self.options, start,
                 )  # fmt: skip
             if result is None:
                 qp, guess = self.qp, None
@@ -331,7 +331,7 @@ class Solver(metaclass=Public):
             if self.is_renewed:  # not before: a pause goes on with other values
                 self.is_renewed = False
                 active.renew(m, qp)
-            active.solve(m, self.vectors, options.settings, deadline.at)
+            active.solve(m, self.vectors, options, deadline.at)
         self.left = self.left + 1 if m.code == Code.STUCK else 0
         self.pause = PAUSES[min(self.left, len(PAUSES) - 1)] if m.is_ready else inf
         limits = options.limits(deadline)

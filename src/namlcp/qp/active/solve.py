@@ -14,7 +14,7 @@ import numpy as np
 from cython import Py_ssize_t
 from cython.cimports import numpy as cnp
 from cython.cimports.libc.math import INFINITY, fabs, sqrt
-from cython.cimports.namlcp.limits import Settings, begin_watch, raise_kept
+from cython.cimports.namlcp.limits import begin_watch, raise_kept
 from cython.cimports.namlcp.linalg.arrays import (
     NO_ENTRIES,
     are_places,
@@ -114,11 +114,12 @@ def attach(m, P, G, A, is_single):
     return 0
 
 
-def take_settings(m, settings, until):
-    """Note tolerances and limits; until: the perf_counter() at which time is over."""
-    m.eps_abs, m.eps_rel = settings.eps_abs, settings.eps_rel
-    m.max_iter = settings.max_iter
+def take_limits(m, options, until):
+    """Note those of `Options` or `Limits`; until: perf_counter() where time is over."""
+    m.eps_abs, m.eps_rel = options.eps_abs, options.eps_rel
+    m.max_iter = options.max_iter
     begin_watch(m, until)
+    return 0
 
 
 def run(m):
@@ -161,9 +162,7 @@ def height_of(C, d, n):
     return rows if is_pair else -1
 
 
-def solve_small(
-    kind, settings: Settings, start, keeps, given: tuple, x0=None, warm_start=None
-):
+def solve_small(kind, options, start, keeps, given: tuple, x0=None, warm_start=None):
     """Solve a small QP whose arguments are clean; None where they are not.
 
     given: P, q, G, h, A, b, lb, ub as they came. P, G and A are dense, or in CSC and
@@ -201,7 +200,7 @@ def solve_small(
         m.b = data_of(b)
     m.lb = bound_at(lb, m.no_bound, n, -INFINITY)
     m.ub = bound_at(ub, m.no_bound + n, n, INFINITY)
-    take_settings(m, settings, start + settings.time_limit)
+    take_limits(m, options, start + options.time_limit)
     if warm_start is not None:
         if not suggest_solution(m, warm_start):
             return None
@@ -307,11 +306,10 @@ def solve_dense(qp, chain, guess, judge, memory=None):
     """
     limits, own = judge.limits, qp.in_dense_form()
     most = limits.max_iter or DEFAULT_OPTIONS.max_iter
-    settings = Settings(limits.eps_abs, limits.eps_rel, most, 0.0)
     m: DenseActiveSet = DenseActiveSet.__new__(DenseActiveSet)
     attach(m, own.P, own.G, own.A, True)
     suggest(m, guess)
-    solve(m, own.joined(), settings, limits.deadline.at)
+    solve(m, own.joined(), limits._replace(max_iter=most), limits.deadline.at)
     if own is not judge.qp:
         return answer_of(m, judge, chain)
     answer = answer_of(m, judge)
@@ -458,22 +456,21 @@ def is_vector(value, size):
     return fits(value, 1) and cnp.PyArray_DIM(value, 0) == size
 
 
-def solve(m: ActiveSet, vectors, settings: Settings, until):
+def solve(m: ActiveSet, vectors, options, until):
     """Solve the QP with these vectors, see `QP.joined`; return the code."""
     m.vectors, m.q = vectors, data_of(vectors)
     m.h = m.q + m.n
     m.b = m.h + m.m
     m.lb = m.b + m.p
     m.ub = m.lb + m.n
-    take_settings(m, settings, until)
+    take_limits(m, options, until)
     run(m)
     return m.code
 
 
-def step(m: ActiveSet, kind, vectors, problem, settings: Settings, start):
+def step(m: ActiveSet, kind, vectors, problem, options, start):
     """Do `solve`; return the result of a class, None where it is not DONE."""
-    until = start + settings.time_limit
-    if solve(m, vectors, settings, until) != DONE:
+    if solve(m, vectors, options, start + options.time_limit) != DONE:
         return None
     return result_of(m, kind, problem, start, start)
 
@@ -518,7 +515,7 @@ def put(value, place, size, sign):
 
 def solve_items(
     m: DenseActiveSet, arrays, stacked, first: Py_ssize_t, end: Py_ssize_t,
-    settings: Settings, outs, codes, iterations,
+    options, outs, codes, iterations,
 ):  # fmt: skip
     """Solve the items first to end - 1 of a batch, each from nothing.
 
@@ -539,7 +536,7 @@ def solve_items(
     code = cython.cast(cython.p_longlong, cnp.PyArray_DATA(codes))
     count = cython.cast(cython.p_longlong, cnp.PyArray_DATA(iterations))
     m.is_single = True
-    take_settings(m, settings, INFINITY)
+    take_limits(m, options, INFINITY)
     with cython.nogil:
         for i in range(first, end):
             m.P, m.q = data[0] + i * width[0], data[1] + i * width[1]
