@@ -50,33 +50,24 @@ def dense_asymmetry(P):
 
 
 def sparse_asymmetry(indptr, indices, data):
-    """Return (max |P - P'|, max |P|) of a canonical square CSR or CSC matrix.
-
-    Entries (i, j) come in ascending order of i, so follow[j] moves once along row j.
-    """
+    """Return (max |P - P'|, max |P|) of a canonical square CSR or CSC matrix."""
     n = indptr.shape[0] - 1
     gap, size = 0.0, 0.0
-    follow: cython.int[::1] = np.array(indptr[:n], np.int32)
+    starts, places, entries = transposed(indptr, indices, data, n)
+    turned: cython.int[::1] = starts
+    columns: cython.int[::1] = places
+    values: cython.double[::1] = entries
     for i in range(n):
-        for t in range(indptr[i], indptr[i + 1]):
-            j, value = indices[t], data[t]
-            size = max(size, fabs(value))
-            if j <= i:
-                continue
-            s = follow[j]
-            while s < indptr[j + 1] and indices[s] < i:
-                gap = max(gap, fabs(data[s]))  # no partner above the diagonal
-                s += 1
-            if s < indptr[j + 1] and indices[s] == i:
-                gap = max(gap, fabs(value - data[s]))
-                s += 1
-            else:
-                gap = max(gap, fabs(value))
-            follow[j] = s
-    for j in range(n):
-        for s in range(follow[j], indptr[j + 1]):
-            if indices[s] < j:
-                gap = max(gap, fabs(data[s]))
+        s: Py_ssize_t = indptr[i]
+        t: Py_ssize_t = turned[i]
+        while s < indptr[i + 1] or t < turned[i + 1]:  # a row of P and one of P'
+            j = indices[s] if s < indptr[i + 1] else n
+            k = columns[t] if t < turned[i + 1] else n
+            value = data[s] if j <= k else 0.0
+            other = values[t] if k <= j else 0.0
+            gap, size = max(gap, fabs(value - other)), max(size, fabs(value))
+            s += j <= k
+            t += k <= j
     return gap, size
 
 

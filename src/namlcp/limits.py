@@ -1,25 +1,21 @@
 """When a solve ends: tolerances, a count, a time limit or Ctrl-C.
 
-Loops in Python check the deadline between two iterations. Compiled loops look at the
-clock, see `watch`.
+Loops in Python check the deadline between two iterations; compiled ones are `Watched`.
 """
 
 import time
 from typing import NamedTuple
 
+import cython
 from cython.cimports.libc.math import INFINITY
 
+from namlcp.progress import now
+
+# Operations between two looks at the clock of compiled loops: some milliseconds.
+OFTEN = 4_000_000
 PASS = 3e-8
 """Seconds for an entry of the matrices that some passes over them take, about: what
 prepares a solve is not begun where it would end too late."""
-
-
-class Settings:
-    """The limits of `Options` for compiled code; time_limit in seconds."""
-
-    def __init__(self, eps_abs, eps_rel, max_iter, time_limit):
-        self.eps_abs, self.eps_rel = eps_abs, eps_rel
-        self.max_iter, self.time_limit = max_iter, time_limit
 
 
 class OutOfTime(Exception):
@@ -67,3 +63,46 @@ class Limits(NamedTuple):
     def tolerances(self):
         """The pair (eps_abs, eps_rel)."""
         return self[:2]
+
+
+class Watched:
+    """What looks at the clock while it runs."""
+
+    def __cinit__(self):
+        self.until = INFINITY
+
+
+def begin_watch(m, until):
+    """Begin to look at the clock; until: a value of time.perf_counter()."""
+    m.since, m.until, m.over, m.interrupted = 0.0, until, False, False
+
+
+def is_over(m, operations):
+    """Count operations; tell whether to stop: time is over, or Ctrl-C came."""
+    m.since += operations
+    if m.since >= OFTEN and not m.over:
+        look_at_clock(m)
+    return m.over
+
+
+def look_at_clock(m):
+    """Set whether to stop.
+
+    The call of `now` raises what the handler of a signal does, or another thread. Apart
+    from `is_over`, as a function with a block like this takes the GIL whenever it ends.
+    """
+    m.since = 0.0
+    with cython.gil:
+        try:
+            m.over = now() >= m.until
+        except BaseException as error:
+            m.over = m.interrupted = True
+            m.error = error
+
+
+def raise_kept(m):
+    """Raise what the handler of a signal raised while `m` ran."""
+    if m.interrupted:
+        error, m.error, m.interrupted = m.error, None, False
+        raise error
+    return 0

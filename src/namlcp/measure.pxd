@@ -37,7 +37,6 @@ cpdef tuple residuals_of_products(tuple vectors, tuple point, tuple products)
 cpdef tuple residuals_of_columns(object qp, object point)
 cdef tuple in_order(const Terms* t, double* work)
 cpdef double largest_ratio(object found, double eps_abs, double eps_rel) except? -1
-cdef double ratio(double residual, double tolerance) noexcept
 cpdef double signed_gap(object qp, object point, object Px) except? -1
 cpdef (double, double, double) rounding_errors(double P, double G, double A, double x, double y, double z) noexcept nogil
 cpdef tuple on_bounds(const double[::1] x, const double[::1] z_box, const double[::1] lb, const double[::1] ub, bint moves)

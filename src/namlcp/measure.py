@@ -181,25 +181,15 @@ def largest_ratio(found, eps_abs, eps_rel):
 
     A point solves the QP where it is at most 1. `found` is as `Residuals`.
     """
-    primal: cython.double
-    dual: cython.double
-    gap: cython.double
-    primal_size: cython.double
-    dual_size: cython.double
-    gap_size: cython.double
-    primal, dual, gap, primal_size, dual_size, gap_size, _ = found
-    primal = ratio(primal, eps_abs + eps_rel * primal_size)
-    dual = ratio(dual, eps_abs + eps_rel * dual_size)
-    gap = ratio(gap, eps_abs + eps_rel * gap_size)
-    # max() may ignore a NaN, the sum does not
-    return max(primal, dual, gap) if primal + dual + gap >= 0.0 else INFINITY
-
-
-def ratio(residual, tolerance):
-    """Return residual / tolerance, 0 for 0 / 0."""
-    if tolerance > 0.0:
-        return residual / tolerance
-    return INFINITY if residual > 0.0 else residual
+    largest = 0.0
+    for k in range(3):
+        residual: cython.double = found[k]
+        size: cython.double = found[k + 3]
+        ratio = residual / (eps_abs + eps_rel * size) if residual != 0.0 else 0.0
+        if not ratio < INFINITY:
+            return INFINITY
+        largest = max(largest, ratio)
+    return largest
 
 
 def signed_gap(qp, point, Px):

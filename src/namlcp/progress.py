@@ -13,6 +13,15 @@ COUNTS = ("iter", "active")
 """Columns of integers; the others are of floats."""
 
 
+def now() -> float:
+    """Return time.perf_counter() [s], for compiled code.
+
+    As it is a function in Python, handlers of signals run when it is called, and a
+    thread takes an exception that another one has raised in it.
+    """
+    return time.perf_counter()
+
+
 class Progress:
     """Rows of one solve: kept for the history, printed when verbose.
 

@@ -79,7 +79,7 @@ def nam_solve_problem(
     try:
         tried = None
         if options.is_plain:
-            how = QPResult, options.settings, start, False
+            how = QPResult, options, start, False
             tried = solve_small(*how, arguments, initvals, warm_start)
             if type(tried) is QPResult:
                 return solution(problem, tried)

@@ -1,5 +1,5 @@
 from namlcp.linalg.sparse_ldl cimport Factors
-from namlcp.watch cimport Watched
+from namlcp.limits cimport Watched
 
 cdef double WORTH
 cdef enum:

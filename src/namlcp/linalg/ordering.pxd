@@ -1,4 +1,4 @@
-from namlcp.watch cimport Watched
+from namlcp.limits cimport Watched
 
 cdef double ABOVE_ROOT, ABOVE_MEAN, OPERATIONS
 cdef enum:

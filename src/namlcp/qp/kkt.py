@@ -12,6 +12,7 @@ import cython
 import numpy as np
 from cython import Py_ssize_t
 from cython.cimports.libc.math import sqrt
+from cython.cimports.namlcp.limits import is_over
 from cython.cimports.namlcp.linalg.arrays import numbers, places
 from cython.cimports.namlcp.linalg.blas import (
     add_squares,
@@ -22,7 +23,6 @@ from cython.cimports.namlcp.linalg.blas import (
 from cython.cimports.namlcp.linalg.csc import Columns, take_columns
 from cython.cimports.namlcp.linalg.sparse_ldl import Factors
 from cython.cimports.namlcp.linalg.vectors import copy, fill
-from cython.cimports.namlcp.watch import is_over
 
 from namlcp.checks import constant, refuse_size
 from namlcp.limits import NEVER

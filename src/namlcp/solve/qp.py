@@ -122,7 +122,7 @@ def solve_qp(
         check_flag("derivative", derivative)
     arguments, tried = (P, q, G, h, A, b, lb, ub), None
     if options.is_plain and not history:
-        how = QPResult, options.settings, start, derivative
+        how = QPResult, options, start, derivative
         tried = solve_small(*how, arguments, x0, warm_start)
         if type(tried) is QPResult:
             return tried

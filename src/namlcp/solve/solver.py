@@ -273,7 +273,7 @@ class Solver(metaclass=Public):
                     active.renew(m, self.qp)
                 problem = self.matrices, self.vectors, self.given
                 result = active.step(
-                    m, QPResult, self.vectors, problem, options.settings, start
+                    m, QPResult, self.vectors, problem, options, start
                 )
                 if result is None or not self.is_own:
                     result = self.judged(start)

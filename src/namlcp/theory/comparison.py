@@ -28,7 +28,6 @@ Every candidate is checked in exact arithmetic (`signs`), so that no answer depe
 the accuracy of a linear solve.
 """
 
-import contextlib
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -41,13 +40,15 @@ from scipy.sparse.linalg import splu
 
 from namlcp.checks import finite_square_matrix
 from namlcp.lcp.loops import row_sums
-from namlcp.linalg.csc import arrays_of
+from namlcp.lcp.multigrid.hierarchy import VCycle, coarsen
+from namlcp.limits import NEVER
+from namlcp.linalg import arrays_of, asymmetry
 
 # The largest relative error of one operation, and the least positive number: the
 # largest absolute error of an operation that underflows.
 ROUNDOFF, LEAST_NUMBER = 2.0**-53, 5e-324
-# Most times that rows are dropped from u.
-RESTRICTIONS = 10
+# Most vectors u that are tried, each with fewer rows than the one before.
+RESTRICTIONS = 11
 # Power steps of a round; they go on while a round reduces log(max/min) of (J x)_i / x_i
 # below POWER_HELPS times.
 POWERS, POWER_HELPS = 10, 0.7
@@ -56,11 +57,11 @@ BESIDE = 1e-13
 # Least entry of an x whose largest one is 1, and the factor of the right-hand side of a
 # system whose solution exceeds the range of floating point.
 LEAST_ENTRY, TINY = 1e-250, 2.0**-900
-# Largest orders at which (1) is factored, multigrid solves larger systems, and at which
-# a matrix with over a quarter of its entries is factored as a dense one.
-LARGEST_FACTORED, LARGEST_DENSE_LU = 20_000, 3000
-# Multigrid cycles between two tests of the signs, and most tests for one system.
-CYCLES, TESTS = 2, 6
+# Largest order at which (1) is factored: multigrid solves larger systems.
+LARGEST_FACTORED = 20_000
+# Most steps with multigrid cycles for one system, and the residual at which they end,
+# relative to the right-hand side: for a proof its entries must be below those of x.
+STEPS, RESIDUAL = 16, 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,11 +140,6 @@ def is_h_plus(A: Any) -> Verdict:
     return settle(sparse.csr_array(A), "A is an H+ matrix")
 
 
-def row_numbers(A: Any) -> np.ndarray:
-    """Return the row of every stored entry."""
-    return np.repeat(np.arange(A.shape[0]), np.diff(A.indptr))
-
-
 def settle(A: Any, claim: str) -> Verdict:
     """Return the verdict on `claim`: diag(A) - |A - diag(A)| is an M-matrix.
 
@@ -159,13 +155,12 @@ def settle(A: Any, claim: str) -> Verdict:
     checked = ""
     with np.errstate(all="ignore"):
         for source, y in candidates(A, D):
-            above, below, quotient = signs(A, y)
             for _ in range(RESTRICTIONS):
+                above, below, quotient = signs(A, y)
                 rest = np.where(quotient >= 1.0, y, 0.0)
                 if above or below or not rest.any() or np.array_equal(rest, y):
                     break
                 y = rest
-                above, below, quotient = signs(A, y)
             least = float(quotient[y > 0.0].min(initial=math.inf))
             largest = float(quotient[y > 0.0].max(initial=0.0))
             if above:
@@ -185,11 +180,11 @@ def settle(A: Any, claim: str) -> Verdict:
 def candidates(A: Any, D: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
     """Yield (source, nonnegative vector), the cheapest first."""
     yield "v = 1", np.ones(D.size)
-    rows = row_numbers(A)
+    rows = np.repeat(np.arange(D.size), np.diff(A.indptr))
     root = np.sqrt(D)  # a similar matrix, symmetric where A is
-    data = np.abs(A.data) / (root[rows] * root[A.indices])
-    data[rows == A.indices] = 0.0
-    J = sparse.csr_array((data, A.indices, A.indptr), shape=A.shape)
+    J = abs(A)
+    J.data /= root[rows] * root[A.indices]
+    J.data[rows == A.indices] = 0.0
     x, gap = np.ones(D.size), math.inf
     while True:
         scale = ((J @ x) / x).max()
@@ -202,18 +197,19 @@ def candidates(A: Any, D: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
         before, gap = gap, math.log(high / low) if low > 0.0 else math.inf
         if not gap < POWER_HELPS * before:
             break
-    shifts = [1.0 - BESIDE, 1.0 + BESIDE, 1.0]
+    shifts = [1.0 - BESIDE, 1.0 + BESIDE]
     for shift in shifts if D.size <= LARGEST_FACTORED else [math.inf, *shifts]:
         scaled = sparse.diags_array(1.0 / x) @ J @ sparse.diags_array(x)
         largest = float((scaled @ np.ones(x.size)).max()) * (1.0 + 1e-15)
-        last = np.ones(x.size)
-        for y in solutions(scaled, min(shift, largest)):
-            if np.all(np.isfinite(y)) and y.any():
-                last = y
-                part = np.maximum(-y, 0.0) if np.any(y < 0.0) else y
-                yield "a solution of (1)", x * part / root
-        x = x * np.abs(last)
-        x = np.maximum(x / x.max(), LEAST_ENTRY)
+        try:
+            y = solution(scaled, min(shift, largest))
+        except (RuntimeError, np.linalg.LinAlgError):
+            continue
+        if np.all(np.isfinite(y)) and y.any():
+            part = np.maximum(-y, 0.0) if np.any(y < 0.0) else y
+            yield "a solution of (1)", x * part / root
+            x = x * np.abs(y)
+            x = np.maximum(x / x.max(), LEAST_ENTRY)
 
 
 def signs(A: Any, x: np.ndarray) -> tuple[bool, bool, np.ndarray]:
@@ -236,7 +232,7 @@ def signs(A: Any, x: np.ndarray) -> tuple[bool, bool, np.ndarray]:
 
 
 def sums(A: Any, x: np.ndarray) -> np.ndarray:
-    """Return D x, |A - D| x and bounds of the errors of their difference."""
+    """Return D x, |A - D| x and the errors of their difference, as `row_sums` does."""
     found = np.empty((3, x.size))
     row_sums(*arrays_of(A), x, ROUNDOFF, LEAST_NUMBER, *found)
     return found
@@ -260,44 +256,26 @@ def is_weakly_dominant(A: Any) -> bool:
     return all(exact_row(A, i, ones) >= 0 for i in doubtful)
 
 
-def solutions(J: Any, shift: float) -> Iterator[np.ndarray]:
-    """Yield approximations of (shift I - J)^-1 1, up to a positive factor."""
+def solution(J: Any, shift: float) -> np.ndarray:
+    """Return an approximation of (shift I - J)^-1 1, up to a positive factor.
+
+    Raises RuntimeError or LinAlgError for a matrix that is singular, or not finite.
+    """
     n = J.shape[0]
     b = np.ones(n)
-    if n <= LARGEST_DENSE_LU and J.nnz > n * n // 4:
-        with contextlib.suppress(np.linalg.LinAlgError):
-            yield np.linalg.solve(shift * np.eye(n) - J.toarray(), b)
-        return
     K = sparse.csr_array(sparse.diags_array(np.full(n, shift)) - J)
     if n > LARGEST_FACTORED:
-        yield from cycles(K, b)
-        return
-    for threshold in (0.0, 1.0):  # pivots from the diagonal do not depend on scaling
-        with contextlib.suppress(RuntimeError):  # exactly singular
-            factor = splu(
-                sparse.csc_array(K),
-                permc_spec="MMD_AT_PLUS_A",
-                diag_pivot_thresh=threshold,
-                options={"SymmetricMode": threshold == 0.0},
-            )
-            y = factor.solve(b)
-            yield y if np.all(np.isfinite(y)) else factor.solve(TINY * b)
-
-
-def cycles(K: Any, b: np.ndarray) -> Iterator[np.ndarray]:
-    """Yield solutions of K x = b of rising accuracy (Ruge and Stueben's multigrid)."""
-    import pyamg  # takes 0.5 s to import
-
-    x = np.zeros(b.size)
-    # A level is singular, or a number leaves its range: K is not an M-matrix.
-    with contextlib.suppress(ValueError, RuntimeError, np.linalg.LinAlgError):
-        levels = pyamg.ruge_stuben_solver(
-            sparse.csr_matrix(K),
-            interpolation="direct",
-            coarse_solver="splu",
-            max_coarse=500,
-        )
-        for _ in range(TESTS):
-            x = levels.solve(b, x0=x, maxiter=CYCLES, tol=1e-14)
-            yield x
-            x = x + (b - K @ x) / K.diagonal()
+        symmetric = asymmetry(K)[0] == 0.0
+        levels = coarsen(K, symmetric, False, NEVER)
+        if levels is None:  # K is not an M-matrix
+            return np.zeros(n)
+        goal = RESIDUAL * math.sqrt(n)
+        return VCycle(levels, symmetric).krylov(0, b, goal, STEPS)
+    factor = splu(
+        sparse.csc_array(K),
+        permc_spec="MMD_AT_PLUS_A",
+        diag_pivot_thresh=0.0,  # pivots from the diagonal: these need no scaling
+        options={"SymmetricMode": True},
+    )
+    y = factor.solve(b)
+    return y if np.all(np.isfinite(y)) else factor.solve(TINY * b)

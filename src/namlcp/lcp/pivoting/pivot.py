@@ -26,6 +26,7 @@ from cython.cimports.namlcp.lcp.pivoting.state import (
     is_definite,
     solve_free,
 )
+from cython.cimports.namlcp.limits import look_at_clock, raise_kept
 from cython.cimports.namlcp.linalg.arrays import data_of, fits, new_vector
 from cython.cimports.namlcp.linalg.vectors import (
     add_scaled,
@@ -36,7 +37,6 @@ from cython.cimports.namlcp.linalg.vectors import (
 )
 from cython.cimports.namlcp.measure import are_met, both_residuals
 from cython.cimports.namlcp.result_base import LCPResultBase, made
-from cython.cimports.namlcp.watch import look_at_clock, raise_kept
 
 from namlcp.linalg import definite
 from namlcp.status import Status

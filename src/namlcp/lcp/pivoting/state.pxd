@@ -1,4 +1,4 @@
-from namlcp.watch cimport Watched
+from namlcp.limits cimport Watched
 
 cdef Py_ssize_t SMALL_ORDER
 cdef double PSD_SLACK, JITTER, LEAST_PIVOT, PIVOT_FLOOR, CALL, DENSE_SPEED

@@ -1,5 +1,5 @@
 from namlcp.result_base cimport Numbers
-from namlcp.watch cimport Watched
+from namlcp.limits cimport Watched
 
 cdef double DEPENDENT, DEPENDENT_HINT, VIOLATION_ROUNDING, NOISE, MOST_ROUNDING
 cdef double ROUND_ROUNDING, MOST_ROUND_ROUNDING, BASE_ROUNDING

@@ -14,6 +14,7 @@ CLOCK: the time to be looked at; STOP: the end of the loop.
 import cython
 import numpy as np
 from cython.cimports.libc.math import INFINITY
+from cython.cimports.namlcp.limits import is_over, look_at_clock, raise_kept
 from cython.cimports.namlcp.linalg.sparse_ldl import as_array
 from cython.cimports.namlcp.linalg.vectors import copy, fill
 from cython.cimports.namlcp.qp.interior.candidates import (
@@ -31,7 +32,6 @@ from cython.cimports.namlcp.qp.interior.newton import (
     step,
 )
 from cython.cimports.namlcp.qp.interior.state import EXACT, attach, offer
-from cython.cimports.namlcp.watch import is_over, look_at_clock, raise_kept
 
 from namlcp.checks import as_sparse
 from namlcp.limits import PASS
