@@ -1,8 +1,6 @@
 """Convex QPs: the forms a solve chooses from, and what proves an answer."""
 
 from namlcp.qp.active import solve_small
-from namlcp.qp.active.dense import DenseActiveSet
-from namlcp.qp.active.engine import Code
 from namlcp.qp.batch import (
     STATUSES,
     Items,

@@ -83,11 +83,10 @@ class Memory:
     `convex` is the last P found positive semidefinite; `substitution`, `presolved` and
     `scaled` are the last transforms, `box` the last P prepared for box LCPs. Matrices
     are the same as before where they are the same objects.
-    `dense_failed`: whether the dense form of the QP, as it came, was tried and failed.
     """
 
     def __init__(self, convex=None):
-        self.convex, self.dense_failed = convex, False
+        self.convex = convex
         self.substitution = self.presolved = self.scaled = self.box = None
 
     def ensure_convex(self, P, deadline=NEVER):
@@ -169,31 +168,30 @@ def solve_transformed(qp, guess, judge, memory):
 
     A tiny sparse QP is first tried in dense form as it came.
     """
-    memory, small = memory or Memory(), None
+    memory = memory or Memory()
     if type(qp.P) is np.ndarray or not (qp.h.size or qp.b.size):
         return solve_by_engines(qp, NO_TRANSFORMS, guess, judge, memory)
-    if entries_of(qp) <= TINY_ENTRIES and takes_dense(qp, True, memory):
+    if entries_of(qp) <= TINY_ENTRIES and takes_dense(qp):
         found = solve_dense(qp, NO_TRANSFORMS, guess, judge, memory)
         if found is not None and found.status in ENDS:
             return found
-        small = False  # not in dense form again
     substitution = substitute(qp, memory.substitution, judge.limits.deadline)
     memory.substitution = substitution
     if substitution is not None:
         memory.convex = substitution.P  # P was checked; this adds only squares
-        memory.dense_failed, chain = False, Chain(substitution)
+        chain = Chain(substitution)
         answer = solve_by_engines(substitution.problem, chain, guess, judge, memory)
         if answer.status not in UNDECIDED:
             return answer
         guess, memory = make_guess(qp, None, answer.point), Memory()
-    return solve_by_engines(qp, NO_TRANSFORMS, guess, judge, memory, small)
+    return solve_by_engines(qp, NO_TRANSFORMS, guess, judge, memory)
 
 
-def solve_by_engines(qp, chain, guess, judge, memory, small=None):
+def solve_by_engines(qp, chain, guess, judge, memory):
     """Return the first answer that decides, else that of the last engine."""
-    guess, small = chain.guess(guess), is_small(qp) if small is None else small
+    guess = chain.guess(guess)
     for suits, solve in ENGINES:
-        if suits(qp, small, memory):
+        if suits(qp):
             found = solve(qp, chain, guess, judge, memory)
             if found is not None and found.status in ENDS:
                 return found
@@ -234,18 +232,18 @@ def is_small(qp):
     return 100 * filled >= FULL * entries
 
 
-def takes_bounds(qp, small, memory):
+def takes_bounds(qp):
     """Tell whether there are bounds alone, which have a finite point, and many."""
     return (
         qp.h.size + qp.b.size == 0
-        and (qp.q.size > MOST_BOX or not small)
+        and (qp.q.size > MOST_BOX or not is_small(qp))
         and is_box_open(qp.lb, qp.ub)
     )
 
 
-def takes_dense(qp, small, memory):
+def takes_dense(qp):
     """Tell whether the dense form promises more than interior points."""
-    if memory.dense_failed or not small:
+    if not is_small(qp):
         return False
     is_dense = type(qp.P) is np.ndarray
     most, cost = (MOST_LINEAR, qp.P) if is_dense else (SPARSE_LINEAR, qp.P.data)
@@ -255,11 +253,10 @@ def takes_dense(qp, small, memory):
 ENGINES = (
     (takes_bounds, solve_bounds),
     (takes_dense, solve_dense),
-    (lambda qp, small, memory: True, solve_interior),
+    (lambda qp: True, solve_interior),
 )
-"""The methods for QPs, in order: suits(qp, small, memory), whether one is tried, with
-small as `is_small` says, and solve(qp, chain, guess, judge, memory), its answer, None
-if that is nothing. chain: the way from the user's QP to `qp`."""
+"""The methods for QPs, in order: whether one is tried, and its answer, None if that is
+nothing. chain: the way from the user's QP to `qp`."""
 
 
 # ---- what is printed

@@ -168,9 +168,9 @@ def solve_small(
     """Solve a small QP whose arguments are clean; None where they are not.
 
     given: P, q, G, h, A, b, lb, ub as they came. P, G and A are dense, or in CSC and
-    tiny, zeros included. Returns its result, of a class derived from `ResultBase`, or
-    the `DenseActiveSet` that has tried in vain. keeps: let the result have the factors.
-    x0, warm_start: as of `make_guess`.
+    tiny, zeros included. Returns its result, of a class derived from `ResultBase`; None
+    if another method has to find it. keeps: let the result have the factors. x0,
+    warm_start: as of `make_guess`.
     """
     P, q, G, h, A, b, lb, ub = given
     if not fits(q, 1):
@@ -210,10 +210,8 @@ def solve_small(
         return None
     ready: cython.double = clock()
     run(m)
-    if m.code != DONE and m.code not in OUTCOMES:
-        return m
-    if is_copied and m.code == DONE and not is_certain(m):
-        return m
+    if m.code not in OUTCOMES or (is_copied and m.code == DONE and not is_certain(m)):
+        return None
     result: ResultBase = result_of(m, kind, given, start, ready)
     result.stamp = stamp_of(m, given[:6:2] if is_sparse else (P, G, A))
     if keeps and m.code == DONE and not is_sparse:
