@@ -12,7 +12,6 @@ from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
-from namlcp.checks import constant
 from namlcp.derivatives import (
     BatchGradients,
     ClosestDerivative,
@@ -26,7 +25,7 @@ from namlcp.derivatives import (
     lcp_directional,
     qp_directional,
 )
-from namlcp.lcp import LCP, Operator, Prepared, solve_small
+from namlcp.lcp import LCP, Prepared
 from namlcp.linalg import times
 from namlcp.linalg.arrays import stamp_of_arrays
 from namlcp.qp import QP, STATUSES, Items, Nearest, Point, qp_arrays, stamp_of
@@ -67,9 +66,15 @@ class Public(type):
         return sorted({*names, *data_of(cls), *cls.PUBLIC})
 
 
-def data_of(kind: Any) -> tuple[str, ...]:
+def data_of(kind: Any) -> dict[str, None]:
     """Return the names of the attributes of a class of results."""
-    return tuple(name for name in kind.__annotations__ if name not in INNER)
+    names = (k for base in kind.__mro__ for k in vars(base).get("__annotations__", ()))
+    return dict.fromkeys(name for name in names if name not in INNER)
+
+
+def renewed(kind: Any, data: dict[str, Any]) -> Any:
+    """Return the result of a class that has these data, for copies and pickles."""
+    return kind(**data)
 
 
 def described(result: Any) -> str:
@@ -114,10 +119,10 @@ class Single(metaclass=Public):
     def __bool__(self) -> bool:
         return self.status is Status.SOLVED
 
-    def __getstate__(self) -> dict[str, Any]:
+    def __reduce__(self) -> tuple[Any, ...]:
         """Leave the problem and the factors behind, in a pickle and in a copy."""
-        left = "problem", "stamp", "kept"  # the first two are None then
-        return {name: v for name, v in vars(self).items() if name not in left}
+        kind = type(self)
+        return renewed, (kind, {name: getattr(self, name) for name in data_of(kind)})
 
 
 class LCPResult(Single, LCPResultBase):
@@ -267,10 +272,9 @@ class LCPResult(Single, LCPResultBase):
         """The fixed unknowns and the factors of `backward` and `forward`."""
         base: Any = self  # its other attributes are those of compiled code
         lcp, given = problem_of(self)
-        if base.stamp is not None:
-            before, vectors = base.stamp
-            if before != stamp_of_arrays(vectors, lcp.matrix.stamp_now()):
-                raise ValueError(CHANGED)
+        now = stamp_of_arrays(lcp[1:], lcp.matrix.stamp_now())
+        if base.stamp not in (None, now):
+            raise ValueError(CHANGED)
         if base.kept is None:
             base.kept = LCPDerivative(lcp, given, self.z, self.w)
         return base.kept
@@ -449,7 +453,7 @@ class QPResult(Single, ResultBase):
         """The active constraints and factors of `backward` and `forward`."""
         base: Any = self  # its other attributes are those of compiled code
         qp, given = problem_of(self)
-        if base.stamp is not None and base.stamp != stamp_of(qp):
+        if base.stamp not in (None, stamp_of(qp)):
             raise ValueError(CHANGED)
         if base.kept is None:
             point = Point(self.x, self.y, self.z, self.z_box)
@@ -684,7 +688,7 @@ class BatchResult(metaclass=Public):
         raise TypeError("a batch is not true or false: ask batch.solved.all(), or len")
 
     __repr__ = described
-    __getstate__ = Single.__getstate__
+    __reduce__ = Single.__reduce__
 
     def __iter__(self) -> Iterator[QPResult]:
         return map(self.__getitem__, range(len(self)))
@@ -786,23 +790,18 @@ def batch_result(outcomes: Any, items: Items, seconds: float) -> BatchResult:
 def lcp_result(
     outcome: Outcome,
     problem: tuple[LCP, Any],
-    vectors: tuple[np.ndarray, ...],
     start: float,
     ready: float,
     history: np.ndarray | None,
 ) -> LCPResult:
     """Return the outcome for `problem`, the checked LCP and A as it was given.
 
-    vectors: those of the LCP that are not defaults.
-    start, ready: the values of perf_counter() at the call and after its checks.
+    start, ready: as of `qp_result`.
     """
     point, (lcp, _) = outcome.point, problem
     if point.s is None:
         with np.errstate(all="ignore"):  # of numbers that are not finite
             point = point._replace(s=point.z - point.w / lcp.matrix.slopes)
-    stamp = None
-    if not isinstance(lcp.A, Operator):  # which has no derivatives
-        stamp = stamp_of_arrays(vectors, lcp.matrix.stamp), vectors
     return LCPResult(
         **point._asdict(),
         status=outcome.status,
@@ -815,34 +814,8 @@ def lcp_result(
         message=outcome.message,
         history=history,
         problem=problem,
-        stamp=stamp,
+        stamp=stamp_of_arrays(lcp[1:], lcp.matrix.stamp),
     )
-
-
-def small_lcp_result(
-    A: Any, q: Any, lower: Any, upper: Any, start: float
-) -> LCPResult | None:
-    """Return what `solve_small` finds for arguments as they come, None if nothing.
-
-    start: the value of perf_counter() at the call.
-    """
-    if type(A) is not Prepared:
-        return solve_small(LCPResult, start, A, A, q, lower, upper, None, None)
-    result = solve_small(LCPResult, start, A, A.A, q, lower, upper, A.last, A.stamp)
-    if result is not None:
-        A.last = result.z
-    return result
-
-
-def clean_lcp(
-    A: Any, is_symmetric: bool, q: Any, lower: Any, upper: Any
-) -> tuple[LCP, Any]:
-    """Return the LCP of arguments that were clean, and A as it was given."""
-    is_prepared = type(A) is Prepared
-    matrix = A if is_prepared else Prepared.unchecked(A, is_symmetric)
-    lower = constant(q.size, 0.0) if lower is None else lower
-    upper = constant(q.size, np.inf) if upper is None else upper
-    return LCP(matrix, q, lower, upper), matrix.A
 
 
 def problem_of(result: QPResult | LCPResult | ClosestPoint) -> Any:
@@ -856,8 +829,12 @@ def problem_of(result: QPResult | LCPResult | ClosestPoint) -> Any:
         raise ValueError(LOST)
     if callable(problem):
         return problem()
-    if type(result) is LCPResult and len(problem) == 5:
-        return clean_lcp(*problem)
+    if type(result) is LCPResult and len(problem) == 5:  # see `solve_small`
+        A, is_symmetric, q, lower, upper = problem
+        matrix = A if type(A) is Prepared else Prepared.unchecked(A, is_symmetric)
+        lower = np.zeros(q.size) if lower is None else lower
+        upper = np.full(q.size, np.inf) if upper is None else upper
+        return LCP(matrix, q, lower, upper), matrix.A
     if len(problem) == len(QP._fields):  # the arguments of `solve_qp`
         P, _, G, _, A, *_ = problem
         return qp_arrays(*problem), (P, G, A)

@@ -11,11 +11,12 @@ from namlcp.lcp import (
     find_method,
     lcp_data,
     solve_by_method,
+    solve_small,
 )
 from namlcp.limits import Deadline, Limits
 from namlcp.options import check_count, check_flag, check_number
 from namlcp.progress import LCP_COLUMNS, Progress
-from namlcp.results import LCPResult, lcp_result, small_lcp_result
+from namlcp.results import LCPResult, lcp_result
 
 SWEEP_EPS_ABS = 1e-8
 """Default eps_abs of the sweep methods."""
@@ -144,8 +145,13 @@ def solve_lcp(
         None is diagonal is alpha is beta is omega is shift is cover is s0 is z0
         is eps_abs is eps_rel is max_iter
     ):  # fmt: skip
-        result = small_lcp_result(A, q, lower, upper, start)
+        own, last, stamp = A, None, None
+        if type(A) is Prepared:
+            own, last, stamp = A.A, A.last, A.stamp
+        result = solve_small(LCPResult, start, A, own, q, lower, upper, last, stamp)
         if result is not None:
+            if own is not A:
+                A.last = result.z
             return result
     deadline = Deadline(start + check_limits(eps_abs, eps_rel, max_iter, time_limit))
     check_flag("history", history)
@@ -172,9 +178,7 @@ def solve_lcp(
     outcome = solve_by_method(lcp, unit, limits, method, is_next=A is matrix, **options)
     rows = progress.history() if progress is not None and history else None
     problem = lcp, matrix.A if A is matrix else A
-    pairs = (q, lcp.q), (lower, lcp.lower), (upper, lcp.upper)
-    vectors = tuple(own for came, own in pairs if came is not None)
-    result = lcp_result(outcome, problem, vectors, start, ready, rows)
+    result = lcp_result(outcome, problem, start, ready, rows)
     if progress is not None:
         seconds = result.setup_time + result.solve_time
         progress.close(

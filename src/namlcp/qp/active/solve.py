@@ -43,12 +43,7 @@ from cython.cimports.namlcp.qp.active.null import NullSpace
 from cython.cimports.namlcp.qp.active.rounds import NO_WEIGHT
 from cython.cimports.namlcp.qp.active.sparse import SparseActiveSet
 from cython.cimports.namlcp.qp.intake import is_finite, is_side
-from cython.cimports.namlcp.result_base import (
-    Numbers,
-    ResultBase,
-    new_result,
-    residuals_of,
-)
+from cython.cimports.namlcp.result_base import Numbers, ResultBase, made, residuals_of
 from cython.cimports.namlcp.watch import begin_watch, raise_kept
 from scipy.sparse import csc_array, csc_matrix
 
@@ -139,8 +134,8 @@ def run(m):
 
 def result_of(m, kind, problem, start, ready):
     """Return the result of a class: solved, or with a certificate."""
-    result: ResultBase = new_result(kind)
-    result.status, result.form = SOLVED, DUAL
+    result: ResultBase = made(kind)
+    result.status, result.form, result.message = SOLVED, DUAL, ""
     result.x, result.y, result.z, result.z_box = m.point
     result.numbers, result.obj = m.found, m.found.objective
     if m.code != DONE:
