@@ -10,6 +10,7 @@ The documentation is in docs/ of the repository, a map of the source code in
 src/README.md.
 """
 
+import warnings
 from contextlib import suppress
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -26,7 +27,6 @@ from namlcp.theory import Verdict, converges, is_h_plus
 
 if TYPE_CHECKING:  # `__getattr__` below imports these when they are asked for
     from namlcp import cvxpylayers, jax, torch
-    from namlcp.deprecated import warmup
 
 __all__ = [
     "BatchResult",
@@ -70,6 +70,22 @@ def __getattr__(name: str) -> Any:
     """Import what is seldom used at its first use: hosts are optional, and slow."""
     if name in LATE:
         return import_module(f"namlcp.{name}")
-    if name == "warmup":
-        return import_module("namlcp.deprecated").warmup
     raise AttributeError(f"module 'namlcp' has no attribute {name!r}")
+
+
+def warmup(progress: bool = True, processes: int | None = None) -> None:
+    """Do nothing: all there is to compile is compiled when namlcp is installed.
+
+    This function goes with the next release; its arguments have no meaning.
+
+    Examples
+    --------
+    >>> import namlcp
+    >>> namlcp.warmup()  # doctest: +SKIP
+    """
+    warnings.warn(
+        "namlcp.warmup() does nothing: namlcp is compiled when it is installed; the "
+        "next release goes without it",
+        DeprecationWarning,
+        stacklevel=2,
+    )

@@ -25,11 +25,6 @@ def are_places(value):
     return _is_clean(value, cnp.NPY_INT32, 1)
 
 
-def are_long(value):
-    """Tell whether a value has such indices but for their 64 bits."""
-    return _is_clean(value, cnp.NPY_INT64, 1)
-
-
 def _is_clean(value, kind, ndim):
     if not cnp.PyArray_CheckExact(value):
         return False

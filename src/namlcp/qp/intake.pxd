@@ -2,7 +2,6 @@ cdef double INFINITE
 
 cpdef object qp_data(object P, object q, object G, object h, object A, object b, object lb, object ub)
 cpdef object stamp_of(object qp)
-cdef object shortened(object M)
 cdef bint is_clean(object P, object q, object G, object h, object A, object b, object lb, object ub) except -1
 cdef Py_ssize_t rows_of(object M, Py_ssize_t n, bint is_dense) except -2
 cdef bint is_finite(object array)

@@ -11,14 +11,12 @@ from cython.cimports.namlcp.entries import (
     CANONICAL,
     dense_asymmetry,
     index_order,
-    narrowed,
     sparse_asymmetry,
 )
-from cython.cimports.namlcp.linalg.arrays import are_long, are_places, data_of, fits
+from cython.cimports.namlcp.linalg.arrays import are_places, data_of, fits
 from scipy.sparse import csc_array, csc_matrix
 
 from namlcp import checks
-from namlcp.entries import from_arrays
 from namlcp.linalg.arrays import stamp_of_arrays
 from namlcp.qp.problem import QP, absent_parts, qp_arrays, repaired
 
@@ -30,7 +28,6 @@ INFINITE = checks.INFINITE
 
 def qp_data(P, q, G, h, A, b, lb, ub):
     """Return the user's QP as checked, clean arrays."""
-    P, G, A = shortened(P), shortened(G), shortened(A)
     if is_clean(P, q, G, h, A, b, lb, ub):
         rows, sides, below, above = absent_parts(q.size)
         if not cnp.PyArray_CheckExact(P):
@@ -56,19 +53,6 @@ def stamp_of(qp):
     if not cnp.PyArray_CheckExact(P):
         P, G, A = P.data, G.data, A.data
     return stamp_of_arrays((P, G, A, q, h, b, lb, ub))
-
-
-def shortened(M):
-    """Return a matrix in CSC with its places in 32 bits, where they had 64 and fit."""
-    if type(M) is not csc_array and type(M) is not csc_matrix:
-        return M
-    indptr, indices = M.indptr, M.indices
-    if not (are_long(indptr) and are_long(indices)):
-        return M
-    places = narrowed(indptr), narrowed(indices)
-    if places[0] is None or places[1] is None:
-        return M
-    return from_arrays((*places, M.data), M._shape)
 
 
 def is_clean(P, q, G, h, A, b, lb, ub):
