@@ -18,7 +18,7 @@ import scipy.sparse as sp
 from cvxpylayers.interfaces.base import SolverInterface
 
 from namlcp.results import QPResult
-from namlcp.solve import solve_qp
+from namlcp.solve.qp import solve_qp
 from namlcp.status import Status
 
 OTHER_CONES = "exp", "soc", "psd", "p3d", "pnd"

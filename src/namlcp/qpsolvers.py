@@ -14,9 +14,9 @@ with warnings.catch_warnings():
 from qpsolvers.exceptions import ParamError, ProblemError, SolverError
 
 from namlcp.options import DEFAULT_OPTIONS, Options
-from namlcp.qp import solve_small
+from namlcp.qp.active.solve import solve_small
 from namlcp.results import QPResult
-from namlcp.solve import solve_arguments
+from namlcp.solve.qp import solve_arguments
 from namlcp.status import Status
 
 KEYWORD = "nam"

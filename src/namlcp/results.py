@@ -4,7 +4,7 @@ A result keeps the problem by reference, and is differentiated when it is asked.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property, partial
 from operator import index
 from time import perf_counter
@@ -12,23 +12,25 @@ from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
-from namlcp.derivatives import (
+from namlcp.derivatives.closest import ClosestDerivative
+from namlcp.derivatives.directional import lcp_directional, qp_directional
+from namlcp.derivatives.gradients import (
     BatchGradients,
-    ClosestDerivative,
-    LCPDerivative,
     LCPGradients,
     LCPTangent,
-    QPDerivative,
     QPGradients,
     QPTangent,
-    differentiate_batch,
-    lcp_directional,
-    qp_directional,
 )
-from namlcp.lcp import LCP, Prepared
-from namlcp.linalg import times
+from namlcp.derivatives.lcp import LCPDerivative
+from namlcp.derivatives.qp import QPDerivative, differentiate_batch
+from namlcp.lcp.data import LCP
+from namlcp.lcp.prepared import Prepared
 from namlcp.linalg.arrays import stamp_of_arrays
-from namlcp.qp import QP, STATUSES, Items, Nearest, Point, qp_arrays, stamp_of
+from namlcp.linalg.csc import times
+from namlcp.qp.batch import STATUSES, Items
+from namlcp.qp.closest import Nearest
+from namlcp.qp.intake import stamp_of
+from namlcp.qp.problem import QP, Point, qp_arrays
 from namlcp.residuals import Residuals
 from namlcp.result_base import LCPResultBase, ResultBase
 from namlcp.status import OBJECTIVE, Outcome, Status
@@ -42,10 +44,8 @@ CHANGED = (
     "been changed in place since (pass a copy to the solve)"
 )
 Array = TypeVar("Array")
-INNER = "problem", "stamp"
-"""What results of these classes keep for their derivatives."""
-SHORT = 8
-"""Most entries of an array that is printed in full."""
+# What results keep for their derivatives; most entries of an array printed in full.
+INNER, SHORT = ("problem", "stamp"), 8
 
 
 class Public(type):
@@ -165,12 +165,10 @@ class LCPResult(Single, LCPResultBase):
 
     Notes
     -----
-    Derivatives read the arrays that were given to the solve. `backward`, `forward` and
-    `directional` raise ValueError where the status is not SOLVED, A is a
-    LinearOperator, an array was changed in place since, or the result was pickled or
-    copied, which leaves the problem behind. The formulas stand in
-    `namlcp.derivatives.lcp`: the first call factors the matrix of the unknowns between
-    their bounds, or takes the multigrid hierarchy of the solve; later calls solve.
+    `backward`, `forward` and `directional` raise ValueError where those of `QPResult`
+    do, and where A is a LinearOperator. The formulas stand in `namlcp.derivatives.lcp`:
+    the first call factors the matrix of the unknowns between their bounds, or takes the
+    multigrid hierarchy of the solve; later calls solve.
 
     Examples
     --------
@@ -478,9 +476,8 @@ class ClosestPoint(Single):
         shifts. DUAL_INFEASIBLE: that cost falls without bound along the ray x.
         PRIMAL_INFEASIBLE: the constraints that must not be shifted contradict each
         other, or an infinite shift is needed (h_i = -inf); all is NaN, obj inf.
-        Otherwise x is
-        the best point found, y, z, z_box are NaN, and `message` tells whether the
-        shifts are the least ones.
+        Otherwise x is the best point found, y, z, z_box are NaN, and `message` tells
+        whether the shifts are the least ones.
     x, y, z, z_box : (n,), (p,), (m,), (n,) array
         Point and multipliers of the shifted problem. Of its many multipliers (shifted
         rows leave no room) those come with the least multiple of a certificate that
@@ -519,10 +516,9 @@ class ClosestPoint(Single):
     shift_ub: np.ndarray
     norm: int
     message: str
-    problem: Any = field(default=None, repr=False)
+    problem: Any = None
     """The QP with (P, G, A) as they were given, and the stages, for `backward`."""
-    stamp: int | None = field(default=None, repr=False)
-    """The hash of the QP's numbers."""
+    stamp: int | None = None
     PUBLIC = "backward", "derivative", "found"
 
     def backward(
@@ -625,8 +621,7 @@ class BatchResult(metaclass=Public):
     messages: dict[int, str]
     closest: dict[int, ClosestPoint]
     solve_time: float = 0.0
-    problem: Any = field(default=None, repr=False)
-    """The `Items` that were solved, for the derivatives."""
+    problem: Items | None = None
     PUBLIC = "backward", "solved", "statuses"
 
     def backward(
@@ -706,8 +701,6 @@ class BatchResult(metaclass=Public):
             iterations=int(self.iterations[i]),
             form=str(self.form[i]),
             message=self.messages.get(number, ""),
-            setup_time=0.0,
-            solve_time=0.0,
             closest=self.closest.get(number),
             problem=self.problem and partial(unchanged_item, self.problem, number),
         )
@@ -763,9 +756,7 @@ def qp_result(
     )
 
 
-def closest_point(
-    found: Nearest, problem: tuple[QP, tuple[Any, Any, Any]]
-) -> ClosestPoint:
+def closest_point(found: Nearest, problem: tuple[QP, Any]) -> ClosestPoint:
     """Return what was found for an infeasible problem, given as in `qp_result`."""
     qp, x, parts = problem[0], found.x, found._asdict()
     stages = parts.pop("stages")

@@ -13,14 +13,12 @@ from typing import Any
 import numpy as np
 
 from namlcp.checks import refuse_number
-from namlcp.derivatives import (
-    Found,
-    differentiate_batch,
-    differentiate_items,
-    right_sides,
-)
-from namlcp.qp import QP, Point, available_cores, qp_data
-from namlcp.solve import solve_batch, solve_qp
+from namlcp.derivatives.gradients import right_sides
+from namlcp.derivatives.qp import Found, differentiate_batch, differentiate_items
+from namlcp.qp.batch import available_cores
+from namlcp.qp.intake import qp_data
+from namlcp.qp.problem import QP, Point
+from namlcp.solve.qp import solve_batch, solve_qp
 from namlcp.status import Status
 
 AXES = dict(zip(QP._fields, (2, 1, 2, 1, 2, 1, 1, 1), strict=True))

@@ -9,8 +9,9 @@ from qpsolvers import Problem, Solution
 
 from namlcp import Status, qp_residuals, solve_qp
 from namlcp.limits import Limits
-from namlcp.qp import Point, qp_data
+from namlcp.qp.intake import qp_data
 from namlcp.qp.judge import Judge
+from namlcp.qp.problem import Point
 from namlcp.qp.rounding import (
     correct_dual_residual,
     correct_gap_by_multipliers,

@@ -2,21 +2,3 @@
 
 They take problems, points and factors; the methods of results call them.
 """
-
-from namlcp.derivatives.closest import ClosestDerivative
-from namlcp.derivatives.directional import lcp_directional, qp_directional
-from namlcp.derivatives.gradients import (
-    BatchGradients,
-    LCPGradients,
-    LCPTangent,
-    QPGradients,
-    QPTangent,
-    right_sides,
-)
-from namlcp.derivatives.lcp import LCPDerivative
-from namlcp.derivatives.qp import (
-    Found,
-    QPDerivative,
-    differentiate_batch,
-    differentiate_items,
-)

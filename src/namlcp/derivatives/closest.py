@@ -18,7 +18,8 @@ import numpy as np
 
 from namlcp.derivatives.gradients import QPGradients, RankTwo, change, product_of
 from namlcp.derivatives.qp import QPDerivative
-from namlcp.qp import QP, Face, Point
+from namlcp.qp.closest import Face
+from namlcp.qp.problem import QP, Point
 
 
 class ClosestDerivative:

@@ -28,10 +28,14 @@ from namlcp.derivatives.gradients import LCPTangent, QPTangent, right_sides
 from namlcp.derivatives.lcp import LCPDerivative
 from namlcp.derivatives.marks import sides_of
 from namlcp.derivatives.qp import QPDerivative, dependencies, factored, signs
-from namlcp.lcp import ACCURACY, lcp_data, solve_by_method
+from namlcp.lcp.data import lcp_data
+from namlcp.lcp.methods import solve_by_method
+from namlcp.lcp.pivoting.pivot import ACCURACY
 from namlcp.limits import Limits
 from namlcp.options import DEFAULT_OPTIONS
-from namlcp.qp import NO_GUESS, Point, qp_data, solve_checked
+from namlcp.qp.intake import qp_data
+from namlcp.qp.problem import NO_GUESS, Point
+from namlcp.qp.route import solve_checked
 from namlcp.status import Status
 
 

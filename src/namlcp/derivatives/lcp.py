@@ -29,9 +29,12 @@ from namlcp.checks import from_arrays, no_rows
 from namlcp.derivatives.factors import DenseFactors, KKTFactors, SparseFactors
 from namlcp.derivatives.gradients import LCPGradients, LCPTangent, RankTwo, change
 from namlcp.derivatives.marks import sides_of_lcp
-from namlcp.lcp import LARGE_LCP, LCP, FreeSystem, Operator, Prepared, hierarchy_of
-from namlcp.linalg import arrays_of, by_rows, submatrix
-from namlcp.qp import KKT
+from namlcp.lcp.data import LCP
+from namlcp.lcp.methods import LARGE_LCP
+from namlcp.lcp.multigrid.hierarchy import FreeSystem, hierarchy_of
+from namlcp.lcp.prepared import Operator, Prepared
+from namlcp.linalg.csc import arrays_of, by_rows, submatrix
+from namlcp.qp.kkt import KKT
 
 ACCURACY = 1e-12
 """Residual of multigrid solves, relative to the right-hand side."""

@@ -16,7 +16,7 @@ from cython.cimports.namlcp.linalg.vectors import largest_entry
 from cython.cimports.namlcp.measure import Terms, set_terms
 
 from namlcp.checks import as_sparse
-from namlcp.linalg import add_transposed, times
+from namlcp.linalg.csc import add_transposed, times
 
 # A multiplier counts as 0 if in no column of the stationarity condition its term
 # exceeds this multiple of the largest term there; a slack counts as 0 up to this

@@ -59,9 +59,11 @@ from namlcp.derivatives.gradients import (
     right_sides,
 )
 from namlcp.derivatives.marks import sides_of
-from namlcp.linalg import add_transposed, by_rows, submatrix, times
+from namlcp.linalg.csc import add_transposed, by_rows, submatrix, times
 from namlcp.options import check_count
-from namlcp.qp import KKT, QP, Items, Point, available_cores, chunks_of, on_threads
+from namlcp.qp.batch import Items, available_cores, chunks_of, on_threads
+from namlcp.qp.kkt import KKT
+from namlcp.qp.problem import QP, Point
 
 VANISHED = 1e-9
 """Entries of a combination up to this multiple of its largest one count as 0."""

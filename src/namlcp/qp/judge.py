@@ -22,7 +22,8 @@ from cython.cimports.namlcp.measure import (
 from scipy.linalg.blas import dnrm2
 
 from namlcp.checks import matrix
-from namlcp.linalg import asymmetry, is_clean_csc
+from namlcp.linalg.csc import is_clean_csc
+from namlcp.linalg.definite import asymmetry
 from namlcp.qp.certificates import accepted
 from namlcp.qp.problem import Point
 from namlcp.qp.rounding import corrections, is_correctable

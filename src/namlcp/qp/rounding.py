@@ -11,7 +11,7 @@ x that would remove it without rounding make it another multiple, mostly a small
 
 import numpy as np
 
-from namlcp.linalg import add_transposed, times
+from namlcp.linalg.csc import add_transposed, times
 from namlcp.measure import signed_gap
 from namlcp.qp.problem import Point
 from namlcp.residuals import qp_residuals

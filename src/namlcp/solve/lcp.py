@@ -4,15 +4,10 @@ import math
 from time import perf_counter
 from typing import Any
 
-from namlcp.lcp import (
-    ACCURACY,
-    Operator,
-    Prepared,
-    find_method,
-    lcp_data,
-    solve_by_method,
-    solve_small,
-)
+from namlcp.lcp.data import lcp_data
+from namlcp.lcp.methods import find_method, solve_by_method
+from namlcp.lcp.pivoting.pivot import ACCURACY, solve_small
+from namlcp.lcp.prepared import Operator, Prepared
 from namlcp.limits import Deadline, Limits
 from namlcp.options import check_count, check_flag, check_number
 from namlcp.progress import LCP_COLUMNS, Progress
@@ -176,16 +171,11 @@ def solve_lcp(
     limits = Limits(eps_abs or 0.0, eps_rel, max_iter, deadline, report)
     ready = perf_counter()
     outcome = solve_by_method(lcp, unit, limits, method, is_next=A is matrix, **options)
+    if progress is not None:
+        progress.close(outcome, start)
     rows = progress.history() if progress is not None and history else None
     problem = lcp, matrix.A if A is matrix else A
-    result = lcp_result(outcome, problem, start, ready, rows)
-    if progress is not None:
-        seconds = result.setup_time + result.solve_time
-        progress.close(
-            f"{result.status.value}: {result.method}, {result.iterations} iterations, "
-            f"{seconds:.1e} s, residual {result.residual:.1e}"
-        )
-    return result
+    return lcp_result(outcome, problem, start, ready, rows)
 
 
 def prepared(A: Any, diagonal: Any, method: str) -> Prepared:

@@ -5,19 +5,11 @@ from typing import Any
 
 from namlcp.options import DEFAULT_OPTIONS, Options, check_count, check_flag
 from namlcp.progress import QP_COLUMNS, Progress
-from namlcp.qp import (
-    NO_GUESS,
-    QP,
-    Items,
-    available_cores,
-    check_warm_start,
-    make_guess,
-    qp_data,
-    solve_checked,
-    solve_items,
-    solve_small,
-    stamp_of,
-)
+from namlcp.qp.active.solve import solve_small
+from namlcp.qp.batch import Items, available_cores, solve_items
+from namlcp.qp.intake import qp_data, stamp_of
+from namlcp.qp.problem import NO_GUESS, QP, check_warm_start, make_guess
+from namlcp.qp.route import solve_checked
 from namlcp.results import BatchResult, QPResult, batch_result, qp_result
 
 

@@ -11,7 +11,8 @@ from namlcp.qp.interior.loop import run, try_guess
 from namlcp.qp.interior.state import Interior
 from namlcp.qp.judge import Judge
 from namlcp.qp.problem import QP, Guess
-from namlcp.qp.transforms import Presolved, ScaledQP, presolve
+from namlcp.qp.transforms.presolve import Presolved, presolve
+from namlcp.qp.transforms.scaling import ScaledQP
 from namlcp.status import Outcome, Status
 
 FORM = "path"

@@ -23,7 +23,7 @@ from scipy.sparse import csc_array
 
 from namlcp.entries import constant
 from namlcp.limits import NEVER, PASS
-from namlcp.linalg import (
+from namlcp.linalg.csc import (
     add_transposed,
     submatrix,
     times,
