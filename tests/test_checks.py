@@ -6,7 +6,7 @@ import scipy.sparse as sp
 
 from namlcp import checks, solve_qp
 from namlcp.entries import dense_asymmetry, sparse_asymmetry
-from namlcp.qp import qp_data
+from namlcp.qp.intake import qp_data
 
 INF = np.inf
 

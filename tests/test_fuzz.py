@@ -9,7 +9,7 @@ import pytest
 import scipy.sparse as sp
 
 from namlcp import Status, solve_lcp, solve_qp
-from namlcp.qp import QP
+from namlcp.qp.problem import QP
 from validation.problems.fuzzed import cases as problems
 from validation.problems.fuzzed import forms
 from validation.problems.known_scenes import BoxLCP

@@ -10,7 +10,7 @@ import sweeping
 from scipy import sparse
 
 from namlcp import solve_lcp
-from namlcp.lcp import SWEEPS as METHODS
+from namlcp.lcp.modulus.methods import SWEEPS as METHODS
 
 TRIANGULAR = [name for name, method in METHODS.items() if not method.factored]
 KINDS = {"dense": np.asarray, "csr": sparse.csr_array}

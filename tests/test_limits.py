@@ -29,8 +29,8 @@ from namlcp import (
     solve_qp,
 )
 from namlcp.limits import Deadline, OutOfTime
-from namlcp.qp import qp_data
-from namlcp.qp.transforms import substitute
+from namlcp.qp.intake import qp_data
+from namlcp.qp.transforms.reductions import substitute
 from namlcp.qpsolvers import nam_solve_problem
 
 

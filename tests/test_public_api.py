@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import namlcp
-from namlcp.cli import main
+from namlcp.__main__ import main
 
 CLIENT = Path(__file__).parent / "shared" / "typed_client.py"
 

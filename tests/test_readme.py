@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from namlcp.cli import main
+from namlcp.__main__ import main
 from validation.claims.documents import DOCUMENTS, faults
 from validation.claims.figures import values
 

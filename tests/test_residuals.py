@@ -8,7 +8,7 @@ import scipy.sparse as sp
 
 from namlcp import Residuals, natural_residual, qp_residuals
 from namlcp.measure import signed_gap
-from namlcp.qp import QP
+from namlcp.qp.problem import QP
 
 
 def one_variable(z=0.0, z_box=0.0, lb=-np.inf, ub=np.inf, x=1.0):

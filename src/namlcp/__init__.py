@@ -15,15 +15,18 @@ from contextlib import suppress
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from namlcp.lcp import Prepared
+from namlcp.lcp.prepared import Prepared
 from namlcp.many import solve_many
 from namlcp.options import Options, Relaxation
-from namlcp.qp import NotConvex
+from namlcp.qp.problem import NotConvex
 from namlcp.residuals import Residuals, natural_residual, qp_residuals
 from namlcp.results import BatchResult, ClosestPoint, LCPResult, QPResult
-from namlcp.solve import OtherShape, Solver, solve_batch, solve_lcp, solve_qp
+from namlcp.solve.lcp import solve_lcp
+from namlcp.solve.qp import solve_batch, solve_qp
+from namlcp.solve.solver import OtherShape, Solver
 from namlcp.status import Status
-from namlcp.theory import Verdict, converges, is_h_plus
+from namlcp.theory.comparison import Verdict, is_h_plus
+from namlcp.theory.convergence import converges
 
 if TYPE_CHECKING:  # `__getattr__` below imports these when they are asked for
     from namlcp import cvxpylayers, jax, torch

@@ -19,9 +19,11 @@ from cvxpy.reductions.solvers.utilities import extract_dual_value, get_dual_valu
 
 import namlcp
 from namlcp.options import Options
-from namlcp.qp import NO_GUESS, QP, NotConvex, solve_checked
+from namlcp.qp.problem import NO_GUESS, QP, NotConvex
+from namlcp.qp.route import solve_checked
 from namlcp.results import ClosestPoint, QPResult, qp_result
-from namlcp.solve import OtherShape, Solver, solve_arguments
+from namlcp.solve.qp import solve_arguments
+from namlcp.solve.solver import OtherShape, Solver
 from namlcp.status import Status
 
 KEYWORD = "NAM"

@@ -18,7 +18,7 @@ import scipy.sparse as sp
 from cvxpylayers.interfaces.base import SolverInterface
 
 from namlcp.results import QPResult
-from namlcp.solve import solve_qp
+from namlcp.solve.qp import solve_qp
 from namlcp.status import Status
 
 # The fields of CVXPY's cone dimensions for which a problem is not a QP.

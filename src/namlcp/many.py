@@ -11,7 +11,7 @@ from functools import partial
 from importlib import import_module
 from typing import Any
 
-from namlcp.solve import solve_qp
+from namlcp.solve.qp import solve_qp
 
 
 def solve_many(

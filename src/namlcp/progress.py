@@ -4,6 +4,8 @@ import time
 
 import numpy as np
 
+from namlcp.status import Outcome
+
 SILENCE = 2.0
 """Time [s] since the last printed row after which the next row is always printed."""
 
@@ -62,11 +64,17 @@ class Progress:
         )
         self.say("".join(cells))
 
-    def close(self, text: str) -> None:
-        """Print the last row, if it was not printed, and the closing sentence."""
+    def close(self, answer: Outcome, start: float) -> None:
+        """Print the last row, if it was not printed, and how a solve ended."""
         if not self.shown:
             self.show(self.rows[-1])
-        self.say(text)
+        r, seconds = answer.residuals, time.perf_counter() - start
+        if isinstance(r, float):
+            found = f"residual {r:.1e}"
+        else:
+            found = f"primal {r.primal:.0e}, dual {r.dual:.0e}, gap {r.gap:.0e}"
+        ending = f"{answer.method}, {answer.iterations} it, {seconds:.1e} s, {found}"
+        self.say(f"{answer.status}: {ending}")
 
     def history(self) -> np.ndarray:
         """Return the rows as a structured array with the printed columns."""

@@ -14,9 +14,9 @@ with warnings.catch_warnings():
 from qpsolvers.exceptions import ParamError, ProblemError, SolverError
 
 from namlcp.options import DEFAULT_OPTIONS, Options
-from namlcp.qp import solve_small
+from namlcp.qp.active.solve import solve_small
 from namlcp.results import QPResult
-from namlcp.solve import solve_arguments
+from namlcp.solve.qp import solve_arguments
 from namlcp.status import Status
 
 KEYWORD = "nam"
@@ -77,15 +77,14 @@ def nam_solve_problem(
         raise ParamError(str(error)) from error
     arguments = problem.unpack()
     try:
-        tried = None
+        result = None
         if options.is_plain:
             how = QPResult, options, start, False
-            tried = solve_small(*how, arguments, initvals, warm_start)
-            if type(tried) is QPResult:
-                return solution(problem, tried)
-        result = solve_arguments(
-            arguments, options, start, tried, initvals, warm_start, name="initvals"
-        )
+            result = solve_small(*how, arguments, initvals, warm_start)
+        if result is None:
+            result = solve_arguments(
+                arguments, options, start, initvals, warm_start, name="initvals"
+            )
         return solution(problem, result)
     except (TypeError, ValueError) as error:
         of_guess = str(error).startswith(("initvals", "warm_start"))

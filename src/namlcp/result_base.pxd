@@ -18,8 +18,7 @@ cdef class ResultBase:
         Numbers numbers
 
 
-# problem: the checked LCP and A as it was given, or the arguments of `clean_lcp`.
-# stamp: the hash of its numbers, and the vectors of these that the user gave.
+# problem: the checked LCP and A as it was given, or what `solve_small` has of these.
 cdef class LCPResultBase:
     cdef:
         readonly object status, z, w, s, method, ray, message, history, problem, stamp
@@ -28,8 +27,7 @@ cdef class LCPResultBase:
         public object kept
 
 
-cdef object NOTHING, EMPTY
+cdef object NOTHING
 
 cdef object residuals_of(Numbers numbers)
 cdef object made(object kind)
-cdef object new_result(object kind)

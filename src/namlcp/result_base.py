@@ -1,16 +1,10 @@
-"""What a solve returns: a `QPResult` or an `LCPResult` without its methods.
-
-A copy or a pickle keeps what these annotate, and leaves problem and factors behind.
-"""
-
-from functools import partial
+"""What a solve returns: a `QPResult` or an `LCPResult` without its methods."""
 
 import cython
 
 from namlcp.residuals import Residuals
 
-NOTHING, EMPTY = (), ""
-HINTS = "__annotations__"  # of a class; a subclass may have none
+NOTHING = ()
 
 
 class ResultBase:
@@ -33,9 +27,6 @@ class ResultBase:
         """The `Residuals`, on the user's unscaled data."""
         return residuals_of(self.numbers)
 
-    def __reduce__(self):
-        return reduced(self)
-
 
 class LCPResultBase:
     """How a solve ended, and the point; the attributes are those of `LCPResult`."""
@@ -49,16 +40,6 @@ class LCPResultBase:
         self.setup_time, self.solve_time, self.ray = setup_time, solve_time, ray
         self.message, self.history, self.problem = message, history, problem
         self.stamp = stamp
-
-    def __reduce__(self):
-        return reduced(self)
-
-
-def reduced(result):
-    """Return what makes a result anew, for `__reduce__`."""
-    kind = type(result)
-    names = (name for base in kind.__mro__ for name in vars(base).get(HINTS, ()))
-    return partial(kind, **{name: getattr(result, name) for name in names}), ()
 
 
 def residuals_of(numbers):
@@ -75,10 +56,3 @@ def made(kind):
     of = cython.cast(cython.pointer(PyTypeObject), kind)
     make = cython.cast(newfunc, PyType_GetSlot(of, Py_tp_new))
     return make(of, NOTHING, cython.NULL)
-
-
-def new_result(kind):
-    """Return a result of a class, without attributes."""
-    result: ResultBase = made(kind)
-    result.message = result.form = EMPTY
-    return result

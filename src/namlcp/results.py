@@ -4,7 +4,7 @@ A result keeps the problem by reference, and is differentiated when it is asked.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property, partial
 from operator import index
 from time import perf_counter
@@ -12,22 +12,23 @@ from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
-from namlcp.checks import constant
-from namlcp.derivatives import (
-    BatchDerivative,
+from namlcp.derivatives.gradients import (
     BatchGradients,
-    ClosestDerivative,
-    LCPDerivative,
     LCPGradients,
     LCPTangent,
-    QPDerivative,
     QPGradients,
     QPTangent,
 )
-from namlcp.lcp import LCP, Operator, Prepared, solve_small
-from namlcp.linalg import times
+from namlcp.derivatives.lcp import LCPDerivative
+from namlcp.derivatives.qp import BatchDerivative, ClosestDerivative, QPDerivative
+from namlcp.lcp.data import LCP
+from namlcp.lcp.prepared import Prepared
 from namlcp.linalg.arrays import stamp_of_arrays
-from namlcp.qp import QP, STATUSES, Items, Nearest, Point, qp_data, stamp_of
+from namlcp.linalg.csc import times
+from namlcp.qp.batch import STATUSES, Items
+from namlcp.qp.closest import Nearest
+from namlcp.qp.intake import qp_data, stamp_of
+from namlcp.qp.problem import QP, Point
 from namlcp.residuals import Residuals
 from namlcp.result_base import LCPResultBase, ResultBase
 from namlcp.status import OBJECTIVE, Outcome, Status
@@ -41,10 +42,8 @@ CHANGED = (
     "been changed in place since (pass a copy to the solve)"
 )
 Array = TypeVar("Array")
-INNER = "problem", "stamp"
-"""What results of these classes keep for their derivatives."""
-SHORT = 8
-"""Most entries of an array that is printed in full."""
+# What results keep for their derivatives; most entries of an array printed in full.
+INNER, SHORT = ("problem", "stamp"), 8
 
 
 class Public(type):
@@ -65,9 +64,15 @@ class Public(type):
         return sorted({*names, *data_of(cls), *cls.PUBLIC})
 
 
-def data_of(kind: Any) -> tuple[str, ...]:
+def data_of(kind: Any) -> dict[str, None]:
     """Return the names of the attributes of a class of results."""
-    return tuple(name for name in kind.__annotations__ if name not in INNER)
+    names = (k for base in kind.__mro__ for k in vars(base).get("__annotations__", ()))
+    return dict.fromkeys(name for name in names if name not in INNER)
+
+
+def renewed(kind: Any, data: dict[str, Any]) -> Any:
+    """Return the result of a class that has these data, for copies and pickles."""
+    return kind(**data)
 
 
 def described(result: Any) -> str:
@@ -112,10 +117,10 @@ class Single(metaclass=Public):
     def __bool__(self) -> bool:
         return self.status is Status.SOLVED
 
-    def __getstate__(self) -> dict[str, Any]:
+    def __reduce__(self) -> tuple[Any, ...]:
         """Leave the problem and the factors behind, in a pickle and in a copy."""
-        left = "problem", "stamp", "kept"  # the first two are None then
-        return {name: v for name, v in vars(self).items() if name not in left}
+        kind = type(self)
+        return renewed, (kind, {name: getattr(self, name) for name in data_of(kind)})
 
 
 class LCPResult(Single, LCPResultBase):
@@ -158,12 +163,10 @@ class LCPResult(Single, LCPResultBase):
 
     Notes
     -----
-    Derivatives read the arrays that were given to the solve. `backward`, `forward` and
-    `directional` raise ValueError where the status is not SOLVED, A is a
-    LinearOperator, an array was changed in place since, or the result was pickled or
-    copied, which leaves the problem behind. The formulas stand in
-    `namlcp.derivatives.lcp`: the first call factors the matrix of the unknowns between
-    their bounds, or takes the multigrid hierarchy of the solve; later calls solve.
+    `backward`, `forward` and `directional` raise ValueError where those of `QPResult`
+    do, and where A is a LinearOperator. The formulas stand in `namlcp.derivatives.lcp`:
+    the first call factors the matrix of the unknowns between their bounds, or takes the
+    multigrid hierarchy of the solve; later calls solve.
 
     Examples
     --------
@@ -265,10 +268,9 @@ class LCPResult(Single, LCPResultBase):
         """The fixed unknowns and the factors of `backward` and `forward`."""
         base: Any = self  # its other attributes are those of compiled code
         lcp, given = problem_of(self)
-        if base.stamp is not None:
-            before, vectors = base.stamp
-            if before != stamp_of_arrays(vectors, lcp.matrix.stamp_now()):
-                raise ValueError(CHANGED)
+        now = stamp_of_arrays(lcp[1:], lcp.matrix.stamp_now())
+        if base.stamp not in (None, now):
+            raise ValueError(CHANGED)
         if base.kept is None:
             base.kept = LCPDerivative(lcp, given, self.z, self.w)
         return base.kept
@@ -474,9 +476,8 @@ class ClosestPoint(Single):
         shifts. DUAL_INFEASIBLE: that cost falls without bound along the ray x.
         PRIMAL_INFEASIBLE: the constraints that must not be shifted contradict each
         other, or an infinite shift is needed (h_i = -inf); all is NaN, obj inf.
-        Otherwise x is
-        the best point found, y, z, z_box are NaN, and `message` tells whether the
-        shifts are the least ones.
+        Otherwise x is the best point found, y, z, z_box are NaN, and `message` tells
+        whether the shifts are the least ones.
     x, y, z, z_box : (n,), (p,), (m,), (n,) array
         Point and multipliers of the shifted problem. Of its many multipliers (shifted
         rows leave no room) those come with the least multiple of a certificate that
@@ -515,10 +516,9 @@ class ClosestPoint(Single):
     shift_ub: np.ndarray
     norm: int
     message: str
-    problem: Any = field(default=None, repr=False)
+    problem: Any = None
     """The QP with (P, G, A) as they were given, and the stages, for `backward`."""
-    stamp: int | None = field(default=None, repr=False)
-    """The hash of the QP's numbers."""
+    stamp: int | None = None
     PUBLIC = "backward", "derivative", "found"
 
     def backward(
@@ -621,8 +621,7 @@ class BatchResult(metaclass=Public):
     messages: dict[int, str]
     closest: dict[int, ClosestPoint]
     solve_time: float = 0.0
-    problem: Any = field(default=None, repr=False)
-    """The `Items` that were solved, for the derivatives."""
+    problem: Items | None = None
     PUBLIC = "backward", "solved", "statuses"
 
     def backward(
@@ -683,7 +682,7 @@ class BatchResult(metaclass=Public):
         raise TypeError("a batch is not true or false: ask batch.solved.all(), or len")
 
     __repr__ = described
-    __getstate__ = Single.__getstate__
+    __reduce__ = Single.__reduce__
 
     def __iter__(self) -> Iterator[QPResult]:
         return map(self.__getitem__, range(len(self)))
@@ -701,8 +700,6 @@ class BatchResult(metaclass=Public):
             iterations=int(self.iterations[i]),
             form=str(self.form[i]),
             message=self.messages.get(number, ""),
-            setup_time=0.0,
-            solve_time=0.0,
             closest=self.closest.get(number),
             problem=self.problem and partial(unchanged_item, self.problem, number),
         )
@@ -758,9 +755,7 @@ def qp_result(
     )
 
 
-def closest_point(
-    found: Nearest, problem: tuple[QP, tuple[Any, Any, Any]]
-) -> ClosestPoint:
+def closest_point(found: Nearest, problem: tuple[QP, Any]) -> ClosestPoint:
     """Return what was found for an infeasible problem, given as in `qp_result`."""
     qp, x, parts = problem[0], found.point.x, found._asdict()
     point, shifts, stages = (parts.pop(name) for name in ("point", "shifts", "stages"))
@@ -788,23 +783,18 @@ def batch_result(outcomes: Any, items: Items, seconds: float) -> BatchResult:
 def lcp_result(
     outcome: Outcome,
     problem: tuple[LCP, Any],
-    vectors: tuple[np.ndarray, ...],
     start: float,
     ready: float,
     history: np.ndarray | None,
 ) -> LCPResult:
     """Return the outcome for `problem`, the checked LCP and A as it was given.
 
-    vectors: those of the LCP that are not defaults.
-    start, ready: the values of perf_counter() at the call and after its checks.
+    start, ready: as of `qp_result`.
     """
     point, (lcp, _) = outcome.point, problem
     if point.s is None:
         with np.errstate(all="ignore"):  # of numbers that are not finite
             point = point._replace(s=point.z - point.w / lcp.matrix.slopes)
-    stamp = None
-    if not isinstance(lcp.A, Operator):  # which has no derivatives
-        stamp = stamp_of_arrays(vectors, lcp.matrix.stamp), vectors
     return LCPResult(
         **point._asdict(),
         status=outcome.status,
@@ -817,34 +807,8 @@ def lcp_result(
         message=outcome.message,
         history=history,
         problem=problem,
-        stamp=stamp,
+        stamp=stamp_of_arrays(lcp[1:], lcp.matrix.stamp),
     )
-
-
-def small_lcp_result(
-    A: Any, q: Any, lower: Any, upper: Any, start: float
-) -> LCPResult | None:
-    """Return what `solve_small` finds for arguments as they come, None if nothing.
-
-    start: the value of perf_counter() at the call.
-    """
-    if type(A) is not Prepared:
-        return solve_small(LCPResult, start, A, A, q, lower, upper, None, None)
-    result = solve_small(LCPResult, start, A, A.A, q, lower, upper, A.last, A.stamp)
-    if result is not None:
-        A.last = result.z
-    return result
-
-
-def clean_lcp(
-    A: Any, is_symmetric: bool, q: Any, lower: Any, upper: Any
-) -> tuple[LCP, Any]:
-    """Return the LCP of arguments that were clean, and A as it was given."""
-    is_prepared = type(A) is Prepared
-    matrix = A if is_prepared else Prepared.unchecked(A, is_symmetric)
-    lower = constant(q.size, 0.0) if lower is None else lower
-    upper = constant(q.size, np.inf) if upper is None else upper
-    return LCP(matrix, q, lower, upper), matrix.A
 
 
 def problem_of(result: QPResult | LCPResult | ClosestPoint) -> Any:
@@ -858,8 +822,12 @@ def problem_of(result: QPResult | LCPResult | ClosestPoint) -> Any:
         raise ValueError(LOST)
     if callable(problem):
         return problem()
-    if type(result) is LCPResult and len(problem) == 5:
-        return clean_lcp(*problem)
+    if type(result) is LCPResult and len(problem) == 5:  # see `solve_small`
+        A, is_symmetric, q, lower, upper = problem
+        matrix = A if type(A) is Prepared else Prepared.unchecked(A, is_symmetric)
+        lower = np.zeros(q.size) if lower is None else lower
+        upper = np.full(q.size, np.inf) if upper is None else upper
+        return LCP(matrix, q, lower, upper), matrix.A
     if len(problem) == len(QP._fields):  # the arguments of `solve_qp`
         P, _, G, _, A, *_ = problem
         try:

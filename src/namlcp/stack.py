@@ -12,9 +12,11 @@ from typing import Any
 import numpy as np
 
 from namlcp.checks import refuse_number
-from namlcp.derivatives import BatchDerivative, Found, right_sides
-from namlcp.qp import QP, Items, Point
-from namlcp.solve import solve_batch, solve_qp
+from namlcp.derivatives.gradients import right_sides
+from namlcp.derivatives.qp import BatchDerivative, Found
+from namlcp.qp.batch import Items
+from namlcp.qp.problem import QP, Point
+from namlcp.solve.qp import solve_batch, solve_qp
 from namlcp.status import Status
 
 AXES = dict(zip(QP._fields, (2, 1, 2, 1, 2, 1, 1, 1), strict=True))

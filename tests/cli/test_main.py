@@ -15,7 +15,8 @@ from qpsolvers import Problem
 from qpsolvers.problems import get_qpgurdu, get_qpsut01
 
 import namlcp
-from namlcp.cli import files, main
+from namlcp import files
+from namlcp.__main__ import main
 
 
 def test_without_a_command_there_is_help(capsys):
@@ -35,7 +36,7 @@ def test_npz_of_the_host(tmp_path, capsys, get):
     path = tmp_path / "problem.npz"
     problem.save(str(path))
     assert main(["solve", str(path)]) == 0
-    assert capsys.readouterr().out.startswith("status     solved")
+    assert capsys.readouterr().out.startswith("QPResult: solved")
 
 
 QPS = """NAME HS21, minimise 0.01 x^2 + y^2, its row with a range

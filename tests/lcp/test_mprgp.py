@@ -47,6 +47,7 @@ def test_box_against_pivoting(rng):
         matrix = Prepared(aslinearoperator(A), A.diagonal())
         prepared = solve_lcp(matrix, q, lower, upper, eps_rel=1e-12)
         np.testing.assert_allclose(prepared.z, found.z, atol=1e-10)
+        assert solve_lcp(matrix, q, lower, upper).found
 
 
 def test_equations_alone_are_conjugate_gradients(rng):

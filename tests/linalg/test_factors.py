@@ -21,14 +21,11 @@ from scipy.sparse import (
 )
 
 from namlcp import solve_qp
-from namlcp.linalg import (
-    SparseFactors,
-    factors,
-    minimum_degree,
-    plan_lu,
-)
+from namlcp.linalg import factors
+from namlcp.linalg.factors import plan_lu
 from namlcp.linalg.fronts import Fronts
-from namlcp.linalg.ordering import chained
+from namlcp.linalg.ordering import chained, minimum_degree
+from namlcp.linalg.sparse_ldl import SparseFactors
 
 
 def by_degree(kind):

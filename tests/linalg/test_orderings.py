@@ -5,8 +5,7 @@ import pytest
 from problems_elimination import fill, laplacian, natural, parts, upper
 
 from namlcp.limits import Deadline, OutOfTime
-from namlcp.linalg import minimum_degree, supernodes
-from namlcp.linalg.ordering import Order, chained
+from namlcp.linalg.ordering import Order, chained, minimum_degree, supernodes
 
 
 def scattered(size, entries, seed):

@@ -16,7 +16,8 @@ from namlcp.qp.interior.loop import run
 from namlcp.qp.interior.state import Interior
 from namlcp.qp.problem import NO_GUESS
 from namlcp.qp.route import Chain
-from namlcp.qp.transforms import ScaledQP, presolve
+from namlcp.qp.transforms.reductions import presolve
+from namlcp.qp.transforms.scaling import ScaledQP
 
 LIMITS = Limits(1e-9, 0.0)
 TOL = 1e-6

@@ -9,7 +9,7 @@ from qpsolvers import Problem, Solution
 
 from namlcp import Status, qp_residuals, solve_qp
 from namlcp.limits import Limits
-from namlcp.qp import Point, qp_data
+from namlcp.qp.intake import qp_data
 from namlcp.qp.judge import (
     Judge,
     correct_dual_residual,
@@ -17,6 +17,7 @@ from namlcp.qp.judge import (
     correct_gap_by_x,
     is_correctable,
 )
+from namlcp.qp.problem import Point
 from namlcp.residuals import UNDEFINED
 
 EPS = 1e-6

@@ -20,7 +20,7 @@ from problems_qp import (
 from walks_qp import FAMILIES, Walk, portfolio, sparse_portfolio
 
 from namlcp import Options, QPResult, Solver, Status, qp_residuals, solve_qp
-from namlcp.qp import qp_data
+from namlcp.qp.intake import qp_data
 from validation.stress import campaign_relations
 
 INF = np.inf

@@ -19,9 +19,10 @@ from problems_qp import (
 
 from namlcp import Status, solve_qp
 from namlcp.options import Options
-from namlcp.qp import make_guess
+from namlcp.qp.problem import make_guess
 from namlcp.qp.route import Chain
-from namlcp.qp.transforms import ScaledQP, Substitution, presolve, substitute
+from namlcp.qp.transforms.reductions import Substitution, presolve, substitute
+from namlcp.qp.transforms.scaling import ScaledQP
 
 INF = np.inf
 

@@ -17,9 +17,9 @@ from scipy.sparse import (
 
 from namlcp import Status, qp_residuals
 from namlcp.options import Options
-from namlcp.qp import NO_GUESS, QP
-from namlcp.qp.interior import solve_interior
+from namlcp.qp.interior.loop import solve_interior
 from namlcp.qp.judge import Judge
+from namlcp.qp.problem import NO_GUESS, QP
 from namlcp.qp.route import NO_TRANSFORMS, Memory
 from validation.problems.data_sets import mat_problem
 from validation.problems.draw import Known, around

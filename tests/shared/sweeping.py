@@ -5,8 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 
 from namlcp import Prepared
-from namlcp.lcp import LCP, Parameters, find_method
+from namlcp.lcp.data import LCP
+from namlcp.lcp.methods import find_method
 from namlcp.lcp.modulus import sweeps
+from namlcp.lcp.modulus.methods import Parameters
 from namlcp.limits import NEVER, Limits
 from namlcp.linalg.definite import is_symmetric
 from namlcp.progress import LCP_COLUMNS, Progress

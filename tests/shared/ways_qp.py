@@ -14,9 +14,10 @@ import qpsolvers
 from problems_qp import NO_GUESS, Options, dense, solve_sparse, sparse
 
 from namlcp import Solver, Status, solve_batch, solve_qp
-from namlcp.qp import make_guess, qp_data
 from namlcp.qp.active.solve import answer_of, kept_for, solve
+from namlcp.qp.intake import qp_data
 from namlcp.qp.judge import Judge
+from namlcp.qp.problem import make_guess
 from namlcp.qp.route import NO_TRANSFORMS
 
 INF = np.inf

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from namlcp.qp import QP
+from namlcp.qp.problem import QP
 from validation.problems.known_scenes import BoxLCP
 
 Array = np.ndarray

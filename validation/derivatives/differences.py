@@ -25,7 +25,7 @@ import scipy.sparse as sp
 
 import namlcp
 from namlcp.derivatives.dense import sides_of
-from namlcp.qp import QP
+from namlcp.qp.problem import QP
 from validation.derivatives import cases
 from validation.harness import Job, Row
 from validation.harness.suite import Args, Suite

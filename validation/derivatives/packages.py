@@ -28,7 +28,7 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
 import namlcp
-from namlcp.lcp import FreeSystem, hierarchy_of
+from namlcp.lcp.multigrid.hierarchy import FreeSystem, hierarchy_of
 from validation.derivatives import cases
 from validation.harness import Job, Row, qp_solvers
 from validation.harness.suite import Args, Suite

@@ -22,7 +22,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from namlcp import Prepared, Status, Verdict, converges, is_h_plus, solve_lcp
-from namlcp.lcp import LCP, SWEEPS, Parameters
+from namlcp.lcp.data import LCP
+from namlcp.lcp.modulus.methods import SWEEPS, Parameters
 from namlcp.lcp.modulus.sweeps import step_of
 from validation.applications.large import linear_solve
 from validation.harness import Row, timing

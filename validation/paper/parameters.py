@@ -19,9 +19,9 @@ from pathlib import Path
 import numpy as np
 
 from namlcp import Prepared, Status, natural_residual
-from namlcp.lcp import LCP, SWEEPS, Parameters
+from namlcp.lcp.data import LCP
 from namlcp.lcp.modulus.adaptive import AdaptiveStep
-from namlcp.lcp.modulus.methods import Step
+from namlcp.lcp.modulus.methods import SWEEPS, Parameters, Step
 from namlcp.lcp.modulus.sweeps import iterate, step_of
 from namlcp.limits import Limits
 from validation.harness import Job, Row

@@ -44,7 +44,7 @@ from scipy.sparse.linalg import splu
 from scipy.stats import linregress
 
 from namlcp import LCPResult, Status, natural_residual, solve_lcp
-from namlcp.lcp import SWEEPS
+from namlcp.lcp.modulus.methods import SWEEPS
 from validation.harness import Row, charts, tables, timing
 from validation.harness.suite import Parts
 from validation.problems import sweep_scenes

@@ -28,7 +28,7 @@ from qpsolvers import Problem, Solution
 from scipy.sparse.linalg import splu
 
 from namlcp import natural_residual, solve_lcp
-from namlcp.lcp import SWEEPS
+from namlcp.lcp.modulus.methods import SWEEPS
 from validation.harness import Job, Row, charts, judging, qp_solvers, qps, tables
 from validation.harness.suite import Args, Late, Suite, is_ours
 from validation.problems import families

@@ -17,7 +17,7 @@ import scipy.sparse as sp
 from qpsolvers import Problem
 from scipy.io import loadmat
 
-from namlcp.cli.files import two_sided
+from namlcp.files import two_sided
 from validation.harness import MissingDataError, cli, tables
 
 INFINITY = 9e19  # 1e20 in the collection, in places rounded to slightly less

@@ -120,7 +120,7 @@ STORED = {
 
 def families(data: Path | None) -> dict[str, Family]:
     """Return the families by name, with what the data folder has of them."""
-    from namlcp.lcp import SWEEPS
+    from namlcp.lcp.modulus.methods import SWEEPS
 
     heart = data is not None and (data / "svm" / "heart_scale").exists()
     X, y = data_sets.heart_scale(data) if heart else known.two_clouds(270)

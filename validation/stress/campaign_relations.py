@@ -22,7 +22,7 @@ import numpy as np
 import scipy.sparse as sp
 
 import namlcp
-from namlcp.qp import QP
+from namlcp.qp.problem import QP
 from validation.derivatives import cases as planted
 from validation.derivatives import differences
 from validation.problems.fuzzed import cases, draw, qps

@@ -54,7 +54,7 @@ from cython.cimports.namlcp.qp.active.dense import DenseActiveSet
 from cython.cimports.namlcp.qp.active.engine import response_of
 
 from namlcp.checks import as_sparse
-from namlcp.linalg import add_transposed, times
+from namlcp.linalg.csc import add_transposed, times
 
 # A multiplier counts as 0 if in no column of the stationarity condition its term
 # exceeds this multiple of the largest term there; a slack counts as 0 up to this

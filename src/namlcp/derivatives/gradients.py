@@ -14,7 +14,7 @@ import scipy.sparse as sp
 
 from namlcp.checks import finite_matrix, from_arrays, sparse_matrix, vector
 from namlcp.derivatives.dense import add_rank_two_at, rank_two
-from namlcp.qp import Point
+from namlcp.qp.problem import Point
 
 
 class QPTangent(NamedTuple):

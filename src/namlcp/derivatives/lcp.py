@@ -29,20 +29,14 @@ from namlcp.checks import from_arrays, no_rows
 from namlcp.derivatives.dense import sides_of_lcp
 from namlcp.derivatives.factors import DenseFactors, KKTFactors, SparseFactors
 from namlcp.derivatives.gradients import LCPGradients, LCPTangent, change, rank_two_on
-from namlcp.lcp import (
-    ACCURACY,
-    LARGE_LCP,
-    LCP,
-    FreeSystem,
-    Operator,
-    Prepared,
-    hierarchy_of,
-    lcp_data,
-    solve_by_method,
-)
+from namlcp.lcp.data import LCP, lcp_data
+from namlcp.lcp.methods import LARGE_LCP, solve_by_method
+from namlcp.lcp.multigrid.hierarchy import FreeSystem, hierarchy_of
+from namlcp.lcp.pivoting.pivot import ACCURACY
+from namlcp.lcp.prepared import Operator, Prepared
 from namlcp.limits import Limits
-from namlcp.linalg import arrays_of, by_rows, submatrix
-from namlcp.qp import KKT
+from namlcp.linalg.csc import arrays_of, by_rows, submatrix
+from namlcp.qp.kkt import KKT
 from namlcp.status import Status
 
 # Of multigrid solves, relative to the right-hand side.

@@ -73,21 +73,14 @@ from namlcp.derivatives.gradients import (
     rank_two_on,
     right_sides,
 )
-from namlcp.linalg import add_transposed, by_rows, submatrix, times
+from namlcp.linalg.csc import add_transposed, by_rows, submatrix, times
 from namlcp.options import DEFAULT_OPTIONS, check_count
-from namlcp.qp import (
-    KKT,
-    NO_GUESS,
-    QP,
-    Face,
-    Items,
-    Point,
-    available_cores,
-    chunks_of,
-    on_threads,
-    qp_data,
-    solve_checked,
-)
+from namlcp.qp.batch import Items, available_cores, chunks_of, on_threads
+from namlcp.qp.closest import Face
+from namlcp.qp.intake import qp_data
+from namlcp.qp.kkt import KKT
+from namlcp.qp.problem import NO_GUESS, QP, Point
+from namlcp.qp.route import solve_checked
 from namlcp.status import Status
 
 # Entries of a combination up to VANISHED of its largest one count as 0; in the

@@ -118,7 +118,8 @@ class Prepared:
         return self.stamp_now()
 
     def stamp_now(self) -> int:
-        return stamp_of_arrays((self.A.data if self.is_sparse else self.A,))
+        values = self.A.data if self.is_sparse else self.A
+        return stamp_of_arrays((values,)) if type(values) is np.ndarray else 0
 
     @cached_property
     def is_general(self) -> bool:

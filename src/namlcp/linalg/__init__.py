@@ -3,26 +3,3 @@
 Functions that take the arrays of a compressed matrix take them in the order indptr,
 indices, data; where a dense form goes with them it stands first.
 """
-
-from namlcp.linalg.csc import (
-    add_transposed,
-    arrays_of,
-    as_dense,
-    by_rows,
-    is_clean_csc,
-    submatrix,
-    times,
-    unit_triangle,
-    with_squares,
-    without_zeros,
-)
-from namlcp.linalg.definite import (
-    LEAST_DIVISOR,
-    PSD_SLACK,
-    asymmetry,
-    has_positive_pivots,
-)
-from namlcp.linalg.factors import plan_factors, plan_lu
-from namlcp.linalg.ordering import minimum_degree, supernodes
-from namlcp.linalg.sparse_ldl import Factors, SparseFactors
-from namlcp.linalg.threads import blas_threads

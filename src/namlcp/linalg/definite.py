@@ -52,7 +52,8 @@ def has_positive_pivots(triangle: csc_array, deadline: Deadline = NEVER) -> bool
         lower = as_dense(triangle).T  # in the order of columns, as LAPACK has it
         return bool(dpotrf(lower, lower=1, clean=0, overwrite_a=1)[1] == 0)
     arrays = triangle.indptr, triangle.indices
-    factors = plan_factors(*(np.asarray(v, np.int32) for v in arrays), deadline)
+    indptr, indices = (np.asarray(v, np.int32) for v in arrays)
+    factors = plan_factors(indptr, indices, deadline)
     try:
         factors.refactor(triangle.data, deadline)
     except ValueError:  # a pivot is 0

@@ -18,8 +18,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from namlcp.checks import real_array
-from namlcp.linalg import blas_threads
 from namlcp.linalg.arrays import stamps_of_items
+from namlcp.linalg.threads import blas_threads
 from namlcp.options import Options
 from namlcp.qp.active import solve as active
 from namlcp.qp.active.dense import DenseActiveSet

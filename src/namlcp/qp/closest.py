@@ -37,7 +37,7 @@ import scipy.sparse as sp
 
 from namlcp.checks import from_arrays, vector
 from namlcp.limits import Limits
-from namlcp.linalg import add_transposed, submatrix, times
+from namlcp.linalg.csc import add_transposed, submatrix, times
 from namlcp.options import SIDES, Relaxation
 from namlcp.qp.certificates import largest
 from namlcp.qp.problem import NO_GUESS, QP, Guess, Point, make_guess

@@ -26,7 +26,7 @@ from cython.cimports.namlcp.linalg.vectors import copy, fill
 
 from namlcp.checks import constant, refuse_size
 from namlcp.limits import NEVER
-from namlcp.linalg import plan_factors
+from namlcp.linalg.factors import plan_factors
 
 # Rows are condensed where they are as many as variables, and have this part of entries
 # that are not zero.

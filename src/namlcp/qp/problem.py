@@ -21,16 +21,14 @@ from namlcp.checks import (
     without_huge,
 )
 from namlcp.limits import NEVER, Deadline
-from namlcp.linalg import (
+from namlcp.linalg.csc import arrays_of, as_dense, unit_triangle
+from namlcp.linalg.definite import (
     LEAST_DIVISOR,
     PSD_SLACK,
-    arrays_of,
-    as_dense,
     asymmetry,
     has_positive_pivots,
-    unit_triangle,
 )
-from namlcp.theory import is_h_plus
+from namlcp.theory.comparison import is_h_plus
 
 
 class Point(NamedTuple):
@@ -46,13 +44,11 @@ class Point(NamedTuple):
     z_box: np.ndarray
 
 
+# Largest |P - P'| that counts as rounding, relative to max |P|, or entry by entry to
+# sqrt(|P_ii P_jj|), as in a matrix of single precision.
 ASYMMETRY, SINGLE_ASYMMETRY = 1e-10, 1e-6
-"""Largest |P - P'| that counts as rounding, relative to max |P|, or entry by entry to
-sqrt(|P_ii P_jj|), as in a matrix of single precision; P is symmetrised."""
-
-
+# A row g'x <= h switched off by h >= INFINITE must allow |x_j| up to this.
 STEEP = 1e10
-"""A row g'x <= h switched off by h >= INFINITE must allow |x_j| up to this."""
 
 
 class QP(NamedTuple):
@@ -75,7 +71,6 @@ class QP(NamedTuple):
         return type(self.P) is np.ndarray
 
     def in_dense_form(self) -> "QP":
-        """Return the QP with dense matrices, itself if they are."""
         if self.is_dense:
             return self
         G, A = (as_dense(C) if C.nnz else np.zeros(C.shape) for C in (self.G, self.A))
@@ -88,7 +83,6 @@ class QP(NamedTuple):
         return Point(x, np.zeros(self.b.size), np.zeros(self.h.size), np.zeros(n))
 
     def clip(self, x: np.ndarray) -> np.ndarray:
-        """Return the nearest point within the bounds."""
         return np.minimum(np.maximum(x, self.lb), self.ub)
 
     def joined(self) -> np.ndarray:
@@ -111,10 +105,7 @@ class QP(NamedTuple):
 
 
 def refuse_steep_rows(G: Any, h: np.ndarray) -> None:
-    """Raise ValueError where a finite h_i switches off a row with a side that matters.
-
-    That is so where h_i / max_j |G_ij| is less than STEEP.
-    """
+    """Raise ValueError where a row is switched off by h_i < STEEP max_j |G_ij|."""
     off = np.flatnonzero((h >= INFINITE) & (h < np.inf))
     if off.size == 0:
         return
@@ -130,10 +121,7 @@ def refuse_steep_rows(G: Any, h: np.ndarray) -> None:
 
 
 def symmetrised(P: Any, gap: float, size: float) -> Any:
-    """Return (P + P') / 2; raise ValueError if the asymmetry exceeds rounding.
-
-    gap: max |P - P'|, size: max |P|.
-    """
+    """Return (P + P') / 2; raise if gap, max |P - P'|, exceeds rounding of max |P|."""
     if gap > ASYMMETRY * size:
         off, root = 0.5 * P - 0.5 * P.T, np.sqrt(np.abs(P.diagonal()))
         if sp.issparse(P):
@@ -167,18 +155,12 @@ def constraint(name: str, C: Any, right: str, d: Any, n: int) -> Any:
 
 @functools.lru_cache(maxsize=64)
 def absent_parts(n: int) -> tuple[np.ndarray, ...]:
-    """Return the absent G, h, lb and ub of a QP with n variables.
-
-    All QPs share them, and nobody writes to the arrays of a QP.
-    """
+    """Return the absent G, h, lb and ub of all QPs with n variables: read only."""
     return np.empty((0, n)), np.empty(0), constant(n, -np.inf), constant(n, np.inf)
 
 
 def qp_arrays(P: Any, q: Any, G: Any, h: Any, A: Any, b: Any, lb: Any, ub: Any) -> QP:
-    """Return the user's QP as arrays of the right types and shapes.
-
-    Raises TypeError or ValueError naming the argument, what was expected and what came.
-    """
+    """Return the user's QP as arrays of the right types and shapes; else raise."""
     P = finite_square_matrix("P", P, "csc")
     n = P.shape[1]
     q = vector("q", q, n, "P", P.shape)
@@ -193,9 +175,8 @@ def qp_arrays(P: Any, q: Any, G: Any, h: Any, A: Any, b: Any, lb: Any, ub: Any) 
 
 
 def repaired(qp: QP) -> QP:
-    """Return the QP of `qp_arrays` with P symmetric and no huge sides.
+    """Return the QP of `qp_arrays` with P symmetric and no huge sides; else raise.
 
-    Raises ValueError for a NaN, an infinite entry or a P that is not symmetric.
     Contradictions (lb > ub, h = -inf) pass: such a QP is infeasible, not malformed.
     """
     for name, values in zip(qp._fields, qp, strict=True):
@@ -292,10 +273,7 @@ NO_GUESS = Guess(*Point(*[NO_ENTRIES] * 4), np.empty(0, np.int8))
 
 
 def make_guess(qp: QP, x0: Any, warm_start: Any, name: str = "x0") -> Guess:
-    """Return the guess that x0 or warm_start makes; the latter overrides x0.
-
-    Raises TypeError or ValueError, in which `name` stands for x0.
-    """
+    """Return the guess that warm_start makes, or else x0, called `name` in errors."""
     if warm_start is None:
         if x0 is None:
             return NO_GUESS

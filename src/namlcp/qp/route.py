@@ -6,16 +6,13 @@ the interior-point method. Engines offer points and certificates; the `Judge` de
 In the end comes the closest point, if the QP is infeasible and it was asked for.
 """
 
-from time import perf_counter
-
 import numpy as np
 
-from namlcp.lcp import Prepared
+from namlcp.lcp.prepared import Prepared
 from namlcp.limits import NEVER, Deadline, OutOfTime
-from namlcp.linalg import blas_threads
+from namlcp.linalg.threads import blas_threads
 from namlcp.options import RELAXATIONS
 from namlcp.progress import QP_COLUMNS, Progress
-from namlcp.qp.active import solve_dense
 from namlcp.qp.active.solve import (
     FEW_ENTRIES,
     FULL,
@@ -23,13 +20,14 @@ from namlcp.qp.active.solve import (
     MOST_LINEAR,
     SPARSE_LINEAR,
     TINY_ENTRIES,
+    solve_dense,
 )
 from namlcp.qp.bounds import is_box_open, solve_bounds
 from namlcp.qp.closest import contradiction, nearest, weights_of
-from namlcp.qp.interior import solve_interior
+from namlcp.qp.interior.loop import solve_interior
 from namlcp.qp.judge import Judge
 from namlcp.qp.problem import NO_GUESS, Point, check_convex, make_guess
-from namlcp.qp.transforms import substitute
+from namlcp.qp.transforms.reductions import substitute
 from namlcp.residuals import UNDEFINED
 from namlcp.status import ENDS, Status
 
@@ -76,18 +74,14 @@ NO_TRANSFORMS = Chain()
 class Memory:
     """What a solve keeps for the next QP with the same matrices or the same pattern.
 
-    Where only vectors change, as in model predictive control, presolve and scaling are
-    reused, and the factors as long as the active set stays; where only the pattern
-    stays, the elimination order. Not for two solves at a time.
-
     `convex` is the last P found positive semidefinite; `substitution`, `presolved` and
-    `scaled` are the last transforms, `box` the last P prepared for box LCPs. Matrices
-    are the same as before where they are the same objects.
-    `dense_failed`: whether the dense form of the QP, as it came, was tried and failed.
+    `scaled`, which keeps factors and orders, are the last transforms, `box` the last P
+    prepared for box LCPs. Matrices are the same as before where they are the same
+    objects. Not for two solves at a time.
     """
 
     def __init__(self, convex=None):
-        self.convex, self.dense_failed = convex, False
+        self.convex = convex
         self.substitution = self.presolved = self.scaled = self.box = None
 
     def ensure_convex(self, P, deadline=NEVER):
@@ -97,7 +91,6 @@ class Memory:
             self.convex = P
 
     def prepared(self, P):
-        """Return P prepared for box LCPs, as before if P is the same."""
         if self.box is None or self.box.A.data is not P.data:
             self.box = Prepared(P.T)
         return self.box
@@ -137,15 +130,14 @@ def solve_checked(qp, options, guess, start, progress=None, memory=None, given=N
             found = nearest(qp, relaxation, limits, route, same)
             answer = answer._replace(closest=found)
     if progress is not None:
-        progress.close(conclude(answer, perf_counter() - start))
+        progress.close(answer, start)
     return answer
 
 
 def route(qp, guess, limits, memory=None, given=None, doubt=None):
     """Solve a checked QP; if it stalls, go on without its huge bounds.
 
-    `memory` may be kept for the next problem of the same pattern; it is changed.
-    `given`: P, G and A as the user stores them. `doubt`: see `Judge`.
+    memory, given: as of `solve_checked`; doubt: see `Judge`.
     """
     judge = Judge(qp, limits, given, doubt)
     try:
@@ -165,35 +157,31 @@ def route(qp, guess, limits, memory=None, given=None, doubt=None):
 
 
 def solve_transformed(qp, guess, judge, memory):
-    """Solve with free columns substituted; if that is undecided, without.
-
-    A tiny sparse QP is first tried in dense form as it came.
-    """
-    memory, small = memory or Memory(), None
+    """Solve with free columns substituted; if that is undecided, without."""
+    memory = memory or Memory()
     if type(qp.P) is np.ndarray or not (qp.h.size or qp.b.size):
         return solve_by_engines(qp, NO_TRANSFORMS, guess, judge, memory)
-    if entries_of(qp) <= TINY_ENTRIES and takes_dense(qp, True, memory):
+    if entries_of(qp) <= TINY_ENTRIES and takes_dense(qp):  # first as it came
         found = solve_dense(qp, NO_TRANSFORMS, guess, judge, memory)
         if found is not None and found.status in ENDS:
             return found
-        small = False  # not in dense form again
     substitution = substitute(qp, memory.substitution, judge.limits.deadline)
     memory.substitution = substitution
     if substitution is not None:
         memory.convex = substitution.P  # P was checked; this adds only squares
-        memory.dense_failed, chain = False, Chain(substitution)
+        chain = Chain(substitution)
         answer = solve_by_engines(substitution.problem, chain, guess, judge, memory)
         if answer.status not in UNDECIDED:
             return answer
         guess, memory = make_guess(qp, None, answer.point), Memory()
-    return solve_by_engines(qp, NO_TRANSFORMS, guess, judge, memory, small)
+    return solve_by_engines(qp, NO_TRANSFORMS, guess, judge, memory)
 
 
-def solve_by_engines(qp, chain, guess, judge, memory, small=None):
+def solve_by_engines(qp, chain, guess, judge, memory):
     """Return the first answer that decides, else that of the last engine."""
-    guess, small = chain.guess(guess), is_small(qp) if small is None else small
+    guess = chain.guess(guess)
     for suits, solve in ENGINES:
-        if suits(qp, small, memory):
+        if suits(qp):
             found = solve(qp, chain, guess, judge, memory)
             if found is not None and found.status in ENDS:
                 return found
@@ -202,25 +190,20 @@ def solve_by_engines(qp, chain, guess, judge, memory, small=None):
 
 def without_huge_bounds(qp):
     """Return the QP with its huge bounds made infinite; None if it has none."""
-    sides = np.abs(np.concatenate((qp.h, qp.lb, qp.ub)))
-    ordinary = np.concatenate((np.ones(1), np.abs(qp.b), sides[sides < HUGE]))
-    huge = HUGE * ordinary.max()
-    upper = np.concatenate((qp.h, -qp.lb, qp.ub))
-    if not ((huge <= upper) & (upper < np.inf)).any():
+    sides = qp.h, -qp.lb, qp.ub
+    sizes = np.abs(np.concatenate(sides))
+    huge = HUGE * np.abs(qp.b).max(initial=sizes[sizes < HUGE].max(initial=1.0))
+    h, low, ub = (np.where(v >= huge, np.inf, v) for v in sides)
+    if all(map(np.array_equal, (h, low, ub), sides)):
         return None
-    h = np.where(qp.h >= huge, np.inf, qp.h)
-    lb = np.where(qp.lb <= -huge, -np.inf, qp.lb)
-    ub = np.where(qp.ub >= huge, np.inf, qp.ub)
-    return qp._replace(h=h, lb=lb, ub=ub)
+    return qp._replace(h=h, lb=-low, ub=ub)
 
 
 def entries_of(qp):
-    """Return how many entries P, G and A have, zeros included."""
     return qp.q.size * (qp.q.size + qp.h.size + qp.b.size)
 
 
 def is_small(qp):
-    """Tell whether the matrices have few entries, or few zeros, for the dense form."""
     entries = entries_of(qp)
     if qp.q.size > DENSE_VARIABLES or entries > DENSE_ENTRIES:
         return False
@@ -234,18 +217,17 @@ def is_small(qp):
     return 100 * filled >= FULL * entries
 
 
-def takes_bounds(qp, small, memory):
-    """Tell whether there are bounds alone, which have a finite point, and many."""
+def takes_bounds(qp):
     return (
         qp.h.size + qp.b.size == 0
-        and (qp.q.size > MOST_BOX or not small)
+        and (qp.q.size > MOST_BOX or not is_small(qp))
         and is_box_open(qp.lb, qp.ub)
     )
 
 
-def takes_dense(qp, small, memory):
+def takes_dense(qp):
     """Tell whether the dense form promises more than interior points."""
-    if memory.dense_failed or not small:
+    if not is_small(qp):
         return False
     is_dense = type(qp.P) is np.ndarray
     most, cost = (MOST_LINEAR, qp.P) if is_dense else (SPARSE_LINEAR, qp.P.data)
@@ -255,14 +237,10 @@ def takes_dense(qp, small, memory):
 ENGINES = (
     (takes_bounds, solve_bounds),
     (takes_dense, solve_dense),
-    (lambda qp, small, memory: True, solve_interior),
+    (lambda qp: True, solve_interior),
 )
-"""The methods for QPs, in order: suits(qp, small, memory), whether one is tried, with
-small as `is_small` says, and solve(qp, chain, guess, judge, memory), its answer, None
-if that is nothing. chain: the way from the user's QP to `qp`."""
-
-
-# ---- what is printed
+"""The methods for QPs, in order: whether one is tried, and its answer, None if that is
+nothing. chain: the way from the user's QP to `qp`."""
 
 
 def describe(qp, options):
@@ -273,12 +251,4 @@ def describe(qp, options):
         f"inequalities = {qp.h.size}\n"
         f"  {kind}, bounds = {bounds}; stop: eps_abs = {options.eps_abs:g}, "
         f"eps_rel = {options.eps_rel:g}"
-    )
-
-
-def conclude(answer, seconds):
-    status, r = answer.status.value, answer.residuals
-    return (
-        f"{status}: {answer.method}, {answer.iterations} it, {seconds:.1e} s"
-        f", primal {r.primal:.0e}, dual {r.dual:.0e}, gap {r.gap:.0e}"
     )

@@ -4,18 +4,14 @@ import math
 from time import perf_counter
 from typing import Any
 
-from namlcp.lcp import (
-    ACCURACY,
-    Operator,
-    Prepared,
-    find_method,
-    lcp_data,
-    solve_by_method,
-)
+from namlcp.lcp.data import lcp_data
+from namlcp.lcp.methods import find_method, solve_by_method
+from namlcp.lcp.pivoting.pivot import ACCURACY, solve_small
+from namlcp.lcp.prepared import Operator, Prepared
 from namlcp.limits import Deadline, Limits
 from namlcp.options import check_count, check_flag, check_number
 from namlcp.progress import LCP_COLUMNS, Progress
-from namlcp.results import LCPResult, lcp_result, small_lcp_result
+from namlcp.results import LCPResult, lcp_result
 
 SWEEP_EPS_ABS = 1e-8
 """Default eps_abs of the sweep methods."""
@@ -144,8 +140,13 @@ def solve_lcp(
         None is diagonal is alpha is beta is omega is shift is cover is s0 is z0
         is eps_abs is eps_rel is max_iter
     ):  # fmt: skip
-        result = small_lcp_result(A, q, lower, upper, start)
+        own, last, stamp = A, None, None
+        if type(A) is Prepared:
+            own, last, stamp = A.A, A.last, A.stamp
+        result = solve_small(LCPResult, start, A, own, q, lower, upper, last, stamp)
         if result is not None:
+            if own is not A:
+                A.last = result.z
             return result
     deadline = Deadline(start + check_limits(eps_abs, eps_rel, max_iter, time_limit))
     check_flag("history", history)
@@ -170,18 +171,11 @@ def solve_lcp(
     limits = Limits(eps_abs or 0.0, eps_rel, max_iter, deadline, report)
     ready = perf_counter()
     outcome = solve_by_method(lcp, unit, limits, method, is_next=A is matrix, **options)
+    if progress is not None:
+        progress.close(outcome, start)
     rows = progress.history() if progress is not None and history else None
     problem = lcp, matrix.A if A is matrix else A
-    pairs = (q, lcp.q), (lower, lcp.lower), (upper, lcp.upper)
-    vectors = tuple(own for came, own in pairs if came is not None)
-    result = lcp_result(outcome, problem, vectors, start, ready, rows)
-    if progress is not None:
-        seconds = result.setup_time + result.solve_time
-        progress.close(
-            f"{result.status.value}: {result.method}, {result.iterations} iterations, "
-            f"{seconds:.1e} s, residual {result.residual:.1e}"
-        )
-    return result
+    return lcp_result(outcome, problem, start, ready, rows)
 
 
 def prepared(A: Any, diagonal: Any, method: str) -> Prepared:

@@ -5,30 +5,12 @@ from typing import Any
 
 from namlcp.options import DEFAULT_OPTIONS, Options, check_count, check_flag
 from namlcp.progress import QP_COLUMNS, Progress
-from namlcp.qp import (
-    NO_GUESS,
-    QP,
-    Code,
-    DenseActiveSet,
-    Items,
-    Memory,
-    available_cores,
-    check_warm_start,
-    make_guess,
-    qp_data,
-    solve_checked,
-    solve_items,
-    solve_small,
-    stamp_of,
-)
+from namlcp.qp.active.solve import solve_small
+from namlcp.qp.batch import Items, available_cores, solve_items
+from namlcp.qp.intake import qp_data, stamp_of
+from namlcp.qp.problem import NO_GUESS, QP, check_warm_start, make_guess
+from namlcp.qp.route import solve_checked
 from namlcp.results import BatchResult, QPResult, batch_result, qp_result
-from namlcp.status import Status
-
-SOLVED = Status.SOLVED
-
-# How an attempt ended after which the dense form may be tried again: a fault is named,
-# or a point was found whose sums have to be judged in the order of the arguments.
-RETRIED = (Code.UNSUITED, Code.DONE, Code.SUMMED)
 
 
 def solve_qp(
@@ -120,14 +102,14 @@ def solve_qp(
         check_flag("history", history)
     if derivative is not False:
         check_flag("derivative", derivative)
-    arguments, tried = (P, q, G, h, A, b, lb, ub), None
+    arguments = P, q, G, h, A, b, lb, ub
     if options.is_plain and not history:
         how = QPResult, options, start, derivative
-        tried = solve_small(*how, arguments, x0, warm_start)
-        if type(tried) is QPResult:
-            return tried
+        result = solve_small(*how, arguments, x0, warm_start)
+        if result is not None:
+            return result
     return solve_arguments(
-        arguments, options, start, tried, x0, warm_start, history, derivative
+        arguments, options, start, x0, warm_start, history, derivative
     )
 
 
@@ -135,27 +117,20 @@ def solve_arguments(
     arguments: tuple[Any, ...],
     options: Options,
     start: float,
-    tried: DenseActiveSet | None = None,
     x0: Any = None,
     warm_start: Any = None,
     history: bool = False,
     derivative: bool = False,
     name: str = "x0",
 ) -> QPResult:
-    """Solve the QP of arguments of any kind; `name` stands for x0 in messages.
-
-    `tried`: what `solve_small` returned if it failed, None if it was not called.
-    """
+    """Solve the QP of arguments of any kind; `name` stands for x0 in messages."""
     P, _, G, _, A, *_ = arguments
-    qp, given, guess, memory = qp_data(*arguments), (P, G, A), NO_GUESS, None
+    qp, given, guess = qp_data(*arguments), (P, G, A), NO_GUESS
     if not (x0 is None and warm_start is None):
         guess = make_guess(qp, x0, warm_start, name)
-    if tried is not None and tried.code not in RETRIED:
-        memory = Memory()
-        memory.dense_failed = True
     progress = Progress(QP_COLUMNS, options.verbose) if history else None
     ready = perf_counter()
-    answer = solve_checked(qp, options, guess, start, progress, memory, given)
+    answer = solve_checked(qp, options, guess, start, progress, given=given)
     rows = progress.history() if progress is not None else None
     result = qp_result(answer, (qp, given), start, ready, rows)
     result.stamp = stamp_of(qp)

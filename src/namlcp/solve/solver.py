@@ -17,14 +17,14 @@ from scipy.sparse import issparse
 
 from namlcp.checks import as_sparse, from_arrays, matrix, real_array, refuse_view
 from namlcp.limits import Deadline
-from namlcp.linalg import as_dense
+from namlcp.linalg.csc import as_dense
 from namlcp.options import DEFAULT_OPTIONS, Options, check_flag
-from namlcp.qp import NO_GUESS, QP, Guess, Memory, make_guess, qp_data, solve_checked
 from namlcp.qp.active import solve as active
 from namlcp.qp.active.engine import Code
+from namlcp.qp.intake import qp_data
 from namlcp.qp.judge import Judge, are_own
-from namlcp.qp.problem import check_convex
-from namlcp.qp.route import NO_TRANSFORMS, is_small
+from namlcp.qp.problem import NO_GUESS, QP, Guess, check_convex, make_guess
+from namlcp.qp.route import NO_TRANSFORMS, Memory, is_small, solve_checked
 from namlcp.results import Public, QPResult, qp_result
 from namlcp.status import ENDS, Status
 
@@ -272,9 +272,7 @@ class Solver(metaclass=Public):
                     self.is_renewed = False
                     active.renew(m, self.qp)
                 problem = self.matrices, self.vectors, self.given
-                result = active.step(
-                    m, QPResult, self.vectors, problem, options, start
-                )
+                result = active.step(m, QPResult, self.vectors, problem, options, start)
                 if result is None or not self.is_own:
                     result = self.judged(start)
                 elif not derivative:

@@ -79,8 +79,8 @@ import numpy as np
 from scipy import linalg, sparse
 
 from namlcp.checks import finite_square_matrix
-from namlcp.lcp import SWEEPS, Parameters, find_method
-from namlcp.lcp.modulus.methods import checked_parameters
+from namlcp.lcp.methods import find_method
+from namlcp.lcp.modulus.methods import SWEEPS, Parameters, checked_parameters
 from namlcp.linalg.definite import asymmetry, has_positive_pivots
 from namlcp.theory.comparison import (
     LARGEST_FACTORED,

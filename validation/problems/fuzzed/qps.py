@@ -17,7 +17,7 @@ from collections.abc import Callable
 import numpy as np
 import scipy.linalg
 
-from namlcp.qp import QP
+from namlcp.qp.problem import QP
 from validation.problems.fuzzed.draw import MOST_ROWS, MOST_VARIABLES, Draw, symmetric
 
 INF, Array = np.inf, np.ndarray

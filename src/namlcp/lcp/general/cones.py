@@ -32,7 +32,7 @@ import numpy as np
 from scipy import sparse
 
 from namlcp.lcp.shifted import Shifted
-from namlcp.linalg import plan_lu
+from namlcp.linalg.factors import plan_lu
 
 # Largest difference of entries of M, whose diagonal is 1 or 0, that are taken for
 # equal: the directions of friction are combinations of the first ones to rounding.

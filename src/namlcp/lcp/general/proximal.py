@@ -21,8 +21,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from namlcp.lcp.general.cones import System
 from namlcp.lcp.general.distances import Distances
-from namlcp.lcp.shifted import HELD, Shifted
+from namlcp.lcp.shifted import HELD
 
 # Change of p, relative to the largest p and to max |c_i| = 1, that counts as 0.
 ROUNDING = 1e-13
@@ -33,7 +34,7 @@ STEPS, BISECTIONS = 200, 40
 
 
 def proximal_steps(
-    model: Distances, system: Shifted, p: np.ndarray
+    model: Distances, system: System, p: np.ndarray
 ) -> Iterator[np.ndarray]:
     """Yield the points of Newton's steps from p, one factorisation each."""
     lower, upper = model.lower, model.upper

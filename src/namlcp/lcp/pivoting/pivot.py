@@ -410,16 +410,12 @@ def solve_small(kind, begun, given, A, q, lower, upper, start, stamp):
         return None
     if residual != 0.0 and not 1e-100 < residual < 1e100:
         return None  # sums of squares have left the range
-    vectors = q, lower, upper
-    if lower is None or upper is None:
-        vectors = tuple([v for v in vectors if v is not None])
     total: cython.ulonglong = hash_of(values, n * n, 0) if stamp is None else stamp
-    for v in vectors:
-        total = hash_of(data_of(v), n, total)
+    total = hash_of(high, n, hash_of(low, n, hash_of(data_of(q), n, total)))
     result: LCPResultBase = made(kind)
     result.status, result.z, result.w, result.s = SOLVED, z, w, s
     result.iterations, result.residual, result.method = m.factorisations, residual, NAME
-    result.message, result.stamp = "", (total, vectors)
+    result.message, result.stamp = "", total
     result.problem = given, bool(m.symmetric), q, lower, upper
     result.solve_time = perf_counter() - begun
     return result

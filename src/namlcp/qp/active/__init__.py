@@ -4,5 +4,3 @@
 `dense` and `sparse` the operators, `null` another form for most variables at bounds.
 `solve` is the door.
 """
-
-from namlcp.qp.active.solve import solve_dense, solve_small

@@ -40,7 +40,7 @@ from cython.cimports.namlcp.qp.active.null import NullSpace
 from cython.cimports.namlcp.qp.active.rounds import NO_WEIGHT
 from cython.cimports.namlcp.qp.active.sparse import SparseActiveSet
 from cython.cimports.namlcp.qp.intake import is_finite, is_side, stamp_of
-from cython.cimports.namlcp.result_base import Numbers, ResultBase, new_result
+from cython.cimports.namlcp.result_base import Numbers, ResultBase
 from scipy.sparse import csc_array, csc_matrix
 
 from namlcp.options import DEFAULT_OPTIONS
@@ -133,8 +133,8 @@ def run(m):
 
 def result_of(m, kind, problem, start, ready):
     """Return the result of a class: solved, or with a certificate."""
-    result: ResultBase = new_result(kind)
-    result.status, result.form = SOLVED, DUAL
+    result: ResultBase = made(kind)
+    result.status, result.form, result.message = SOLVED, DUAL, ""
     result.x, result.y, result.z, result.z_box = m.point
     result.numbers, result.obj = m.found, m.found.objective
     if m.code != DONE:
@@ -160,9 +160,9 @@ def solve_small(kind, options, start, keeps, given: tuple, x0=None, warm_start=N
     """Solve a small QP whose arguments are clean; None where they are not.
 
     given: P, q, G, h, A, b, lb, ub as they came. P, G and A are dense, or in CSC and
-    tiny, zeros included. Returns its result, of a class derived from `ResultBase`, or
-    the `DenseActiveSet` that has tried in vain. keeps: let the result have the factors.
-    x0, warm_start: as of `make_guess`.
+    tiny, zeros included. Returns its result, of a class derived from `ResultBase`; None
+    if another method has to find it. keeps: let the result have the factors. x0,
+    warm_start: as of `make_guess`.
     """
     P, q, G, h, A, b, lb, ub = given
     if not fits(q, 1):
@@ -202,10 +202,8 @@ def solve_small(kind, options, start, keeps, given: tuple, x0=None, warm_start=N
         return None
     ready: cython.double = clock()
     run(m)
-    if m.code != DONE and m.code not in OUTCOMES:
-        return m
-    if is_copied and m.code == DONE and not is_certain(m):
-        return m
+    if m.code not in OUTCOMES or (is_copied and m.code == DONE and not is_certain(m)):
+        return None
     result: ResultBase = result_of(m, kind, given, start, ready)
     result.stamp = stamp_of(given)
     if keeps and m.code == DONE and not is_sparse:

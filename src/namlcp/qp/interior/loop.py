@@ -36,7 +36,8 @@ from cython.cimports.namlcp.qp.interior.state import EXACT, attach, offer
 from namlcp.checks import as_sparse
 from namlcp.limits import PASS
 from namlcp.qp.certificates import alone
-from namlcp.qp.transforms import ScaledQP, presolve
+from namlcp.qp.transforms.reductions import presolve
+from namlcp.qp.transforms.scaling import ScaledQP
 from namlcp.status import Status
 
 # MOST_RESTARTS: most of them after cold starts. LIFT: the least target of W'Z, relative

@@ -31,7 +31,7 @@ from scipy.sparse import csc_array, csr_array
 from namlcp.checks import from_arrays, no_rows
 from namlcp.entries import constant
 from namlcp.limits import NEVER, PASS
-from namlcp.linalg import (
+from namlcp.linalg.csc import (
     add_transposed,
     arrays_of,
     by_rows,

@@ -19,7 +19,7 @@ import numpy as np
 import qpsolvers
 import scipy.sparse as sp
 
-from namlcp.qp import QP
+from namlcp.qp.problem import QP
 
 MOST_BYTES = 2**31
 """Largest size of all arrays of a file together [bytes]."""
@@ -28,8 +28,6 @@ SAVED_NONE = re.compile(rb"\](\x94|q.)Nat(\x94|q.)b\.$", re.DOTALL)
 """The end of a pickled array that holds None alone: NumPy's for an absent part."""
 
 TRIANGLE, WHOLE = ("QUADOBJ", "QSECTION"), ("QMATRIX",)
-ONE_SIDED = "UP", "LO", "FX"
-WITHOUT_VALUE = {"FR": (-np.inf, np.inf), "MI": (-np.inf, None), "PL": (None, np.inf)}
 
 
 def read_problem(path: str) -> Any:
@@ -134,21 +132,17 @@ class Model:
 
     def bound(self, words: list[str]) -> None:
         kind = words[0]
-        if kind not in ONE_SIDED and kind not in WITHOUT_VALUE:
+        if kind not in ("FR", "MI", "PL", "UP", "LO", "FX"):
             raise ValueError(f"bounds of the kind {kind} are not of a QP")
-        count = 2 if kind in WITHOUT_VALUE else 3
-        name = words[1 if len(words) < count + 1 else 2]  # the set may have no name
+        has_value = kind in ("UP", "LO", "FX")
+        name = words[1 if len(words) < 3 + has_value else 2]  # the set may have no name
         ends = self.bounds.setdefault(self.columns[name], [0.0, np.inf])
-        if kind in WITHOUT_VALUE:
-            for k, end in enumerate(WITHOUT_VALUE[kind]):
-                ends[k] = ends[k] if end is None else end
-            return
-        value = float(words[-1])
-        if kind != "UP":
-            ends[0] = value
-        elif value < 0.0 == ends[0]:
+        value = float(words[-1]) if has_value else np.inf
+        if kind == "UP" and value < 0.0 == ends[0]:
             ends[0] = -np.inf  # as other readers take it
-        if kind != "LO":
+        if kind in ("FR", "MI", "LO", "FX"):
+            ends[0] = value if has_value else -np.inf
+        if kind in ("FR", "PL", "UP", "FX"):
             ends[1] = value
 
     def problem(self) -> qpsolvers.Problem:

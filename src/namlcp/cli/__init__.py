@@ -1,3 +1,0 @@
-"""The command line, and the readers of problem files."""
-
-from namlcp.cli.main import main
