@@ -3,7 +3,7 @@ from namlcp.qp.active.engine cimport ActiveSet, Code
 cdef double WRONG, RHO, NO_WEIGHT, LEAST_SHAPE, LEAST_CURVATURE
 cdef double EXACT, GOOD, FLAT, NEARLY_EXACT, CANCELLED, TINY, ON_FACE, OPEN
 cdef double RAY_GAIN, MOST_CURVED, CLEAN, LEAST_GROWTH
-cdef double ACCURATE, RESERVE, ROUNDING, GAIN, LEAST_DIVISOR, INFINITE
+cdef double ACCURATE, ROUNDING, GAIN, LEAST_DIVISOR, INFINITE
 cdef enum:
     CORRECTIONS = 3
     MOST_ROUNDS = 20
@@ -25,8 +25,6 @@ cdef double wanted_rho(ActiveSet m) noexcept nogil
 cdef void set_point(ActiveSet m) noexcept nogil
 cdef bint clip_point(ActiveSet m) noexcept nogil
 cdef double measure(ActiveSet m) noexcept nogil
-cdef bint is_low(ActiveSet m, double residual, double size, double most_reserve) noexcept nogil
-cdef bint is_accurate(ActiveSet m, double error) noexcept nogil
 cdef bint are_within(ActiveSet m, double rounding) noexcept nogil
 cdef Code verdict(ActiveSet m) noexcept nogil
 cdef void set_correction(ActiveSet m) noexcept nogil

@@ -75,11 +75,10 @@ from cython.cimports.namlcp.qp.active.engine import (
 from namlcp import checks
 from namlcp.linalg import columns
 
-# Nothing is refined where residuals over the moduli of their terms are at most
-# ACCURATE, and the residuals themselves at most RESERVE times the absolute tolerance;
-# or no more than their own rounding error, which is ROUNDING over these moduli, and at
-# most a tenth of the tolerance, a half for the gap, which refinement hardly changes.
-ACCURATE, RESERVE, ROUNDING = 1e-12, 0.05, 4e-15
+# A point is refined until its residuals over the moduli of their terms are at most
+# ACCURATE, and within tolerance by ROUNDING of these moduli, which the sums may have
+# lost.
+ACCURATE, ROUNDING = 1e-12, 4e-15
 # The factor by which each of the CORRECTIONS has to lower the error.
 GAIN = 0.5
 # In place of 0 where a size is divided by; what is infinite beside sides of about 1.
@@ -256,22 +255,6 @@ def measure(m):
     )
 
 
-def is_low(m, residual, size, most_reserve):
-    """Tell whether a residual is far below its tolerance, or due to rounding."""
-    rounding = min(ROUNDING * size, most_reserve * m.eps_abs)
-    return m.eps_abs <= 0.0 or residual <= max(RESERVE * m.eps_abs, rounding)
-
-
-def is_accurate(m, error):
-    found = cython.address(m.found)
-    return (
-        error <= ACCURATE
-        and is_low(m, found.primal, found.primal_size, 0.1)
-        and is_low(m, found.dual, found.dual_size, 0.1)
-        and is_low(m, found.gap, found.gap_size, 0.5)
-    )
-
-
 def are_within(m, rounding):
     """Tell whether the residuals are within tolerance with that much of their terms."""
     found, eps = cython.address(m.found), m.eps_abs
@@ -337,13 +320,14 @@ def judge(m, found):
         before, error = error, measure(m)
         if found == LATE:
             return LATE
+        is_fine: cython.bint = error <= ACCURATE and are_within(m, ROUNDING)
         if not error < before:
             if before == INFINITY:  # there is no better point to go back to
                 return STUCK
             m.s, m.best = m.best, m.s
             m.multiplier, m.best_multiplier = m.best_multiplier, m.multiplier
             error, passes = INFINITY, 0
-        elif passes > 0 and error <= GAIN * before and not is_accurate(m, error):
+        elif passes > 0 and error <= GAIN * before and not is_fine:
             if m.on_face:  # which the other form refines
                 return STUCK
             copy(m.s, m.best, m.length)
