@@ -92,9 +92,9 @@ class LCPDerivative:
             return self.forward(*changes)
         side, fixed = self.weak_side, self.strict_side != 0
         r, dl, du = self.direction(*changes)
-        change = np.where(side < 0, dl, du)
-        lower = np.where(fixed | (side < 0), change, -np.inf)
-        upper = np.where(fixed | (side > 0), change, np.inf)
+        moved = np.where(side < 0, dl, du)
+        lower = np.where(fixed | (side < 0), moved, -np.inf)
+        upper = np.where(fixed | (side > 0), moved, np.inf)
         lcp = lcp_data(self.lcp.matrix, r, lower, upper)
         found = solve_by_method(*lcp, Limits(eps_rel=ACCURACY), is_next=True)
         if found.status is not Status.SOLVED:

@@ -124,15 +124,14 @@ class QPDerivative:
         self.singular = False
         for held in (strict, whole) if self.weak else (strict,):
             self.held, self.point, self.factors = held, point, self.factored(held)
+            if not self.factors.regular:
+                self.singular = True
+                N = self.dependencies(held, self.factors.null_space)
+                if N.size:
+                    self.held, self.point = independent(qp, held, point, N)
+                    self.factors = self.factored(self.held)
             if self.factors.regular:
                 break
-            self.singular = True
-            N = self.dependencies(held, self.factors.null_space)
-            if N.size:
-                self.held, self.point = independent(qp, held, point, N)
-                self.factors = self.factored(self.held)
-                if self.factors.regular:
-                    break
 
     @cached_property
     def C(self) -> Any:
@@ -220,9 +219,9 @@ class QPDerivative:
         side, fixed = whole[rows:], held[rows:] != 0
         at = np.flatnonzero(held[:rows])
         weak = np.flatnonzero((whole[:rows] != 0) & (held[:rows] == 0))
-        change = np.where(side < 0, d["lb"], d["ub"])
-        lower = np.where(fixed | (side < 0), change, -np.inf)
-        upper = np.where(fixed | (side > 0), change, np.inf)
+        moved = np.where(side < 0, d["lb"], d["ub"])
+        lower = np.where(fixed | (side < 0), moved, -np.inf)
+        upper = np.where(fixed | (side > 0), moved, np.inf)
         words = (
             "the solution has no derivative along this direction: the QP of the "
             "critical cone is {}"
@@ -241,8 +240,8 @@ class QPDerivative:
             return point
         sign, value = signs(qp, whole), np.concatenate(point[1:])
         _, dh, db = right_sides(d, point)
-        change = np.where(whole[-qp.q.size :] < 0, d["lb"], d["ub"])
-        slope = np.concatenate((db, dh, change)) @ N
+        moved = np.where(whole[-qp.q.size :] < 0, d["lb"], d["ub"])
+        slope = np.concatenate((db, dh, moved)) @ N
         zero, signed = np.zeros((slope.size, slope.size)), sign != 0
         G, h = -(sign[:, None] * N)[signed], np.maximum(sign * value, 0.0)[signed]
         words = (
@@ -262,8 +261,7 @@ class QPDerivative:
 def solved(words: str, *arguments: Any) -> Point:
     """Return the solution of a QP of these arguments; raise with the words if none."""
     qp = qp_data(*arguments)
-    given = qp.P, qp.G, qp.A
-    found = solve_checked(qp, DEFAULT_OPTIONS, NO_GUESS, perf_counter(), given=given)
+    found = solve_checked(qp, DEFAULT_OPTIONS, NO_GUESS, perf_counter())
     if found.status is not Status.SOLVED:
         raise ValueError(words.format(found.status.value))
     return found.point
