@@ -40,7 +40,7 @@ from cython.cimports.namlcp.qp.active.null import NullSpace
 from cython.cimports.namlcp.qp.active.rounds import NO_WEIGHT
 from cython.cimports.namlcp.qp.active.sparse import SparseActiveSet
 from cython.cimports.namlcp.qp.intake import is_finite, is_side, stamp_of
-from cython.cimports.namlcp.result_base import Numbers, ResultBase
+from cython.cimports.namlcp.result_base import Numbers, ResultBase, made
 from scipy.sparse import csc_array, csc_matrix
 
 from namlcp.options import DEFAULT_OPTIONS
