@@ -24,7 +24,6 @@ from namlcp.linalg.definite import (
     is_symmetric,
 )
 from namlcp.linalg.factors import plan_factors, plan_lu
-from namlcp.linalg.minimum_degree import minimum_degree
-from namlcp.linalg.ordering import supernodes
+from namlcp.linalg.ordering import minimum_degree, supernodes
 from namlcp.linalg.sparse_ldl import Factors, SparseFactors
 from namlcp.linalg.threads import blas_threads

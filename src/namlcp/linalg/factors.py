@@ -10,8 +10,12 @@ from scipy.sparse import csc_array
 
 from namlcp.limits import NEVER, PASS, Deadline
 from namlcp.linalg.fronts import Fronts
-from namlcp.linalg.minimum_degree import minimum_degree
-from namlcp.linalg.ordering import Order, chained, nested_dissection
+from namlcp.linalg.ordering import (
+    Order,
+    chained,
+    minimum_degree,
+    nested_dissection,
+)
 from namlcp.linalg.sparse_ldl import Factors, SparseFactors
 from namlcp.linalg.threads import STATE
 

@@ -1,12 +1,24 @@
 """Symbolic analysis for a sparse factorisation: order, elimination tree, supernodes.
 
-The parent of a column of L in the elimination tree is the row of its first entry below
-the diagonal; below that row, the pattern of a column is a subset of its parent's.
-Columns of L with nearly the same pattern form a *supernode*, a dense block for BLAS.
-The order is that of `minimum_degree`, or METIS's nested dissection. Tree and counts: J.
-Liu, SIAM J. Matrix Anal. Appl. 11 (1990) 134-172; supernodes are relaxed as in CHOLMOD
-(Chen, Davis, Hager, Rajamanickam, ACM Trans. Math. Softw. 35, 2008). Of a symmetric
-matrix, in CSC, only the upper triangle is read.
+Of a symmetric matrix, in CSC, only the upper triangle is read. The order is by
+approximate minimum degree, or METIS's nested dissection. The parent of a column of L in
+the elimination tree is the row of its first entry below the diagonal; below that row,
+the pattern of a column is a subset of its parent's. Columns of L with nearly the same
+pattern form a *supernode*, a dense block for BLAS. Tree and counts: J. Liu, SIAM J.
+Matrix Anal. Appl. 11 (1990) 134-172; supernodes are relaxed as in CHOLMOD (Chen, Davis,
+Hager, Rajamanickam, ACM Trans. Math. Softw. 35, 2008).
+
+Minimum degree: eliminating a variable joins all its neighbours. The graph is kept as a
+quotient graph: an eliminated variable, now an *element*, stands for the clique of its
+neighbours, and a variable beside several elements is beside all their variables.
+Degrees are bounded from above by sums over elements. Variables with the same neighbours
+become one *supervariable*, whose degree leaves itself out. After P. Amestoy, T. Davis
+and I. Duff, SIAM J. Matrix Anal. Appl. 17 (1996) 886-905, with their aggressive
+absorption: an element whose variables all belong to the new one is dropped.
+
+Rows beside many others, *hubs*, would be looked at whenever one of those is eliminated.
+They are ordered last. Fill then is nearly that of an order of all rows, if a variable
+counts the hubs beside it when the least degree is sought.
 """
 
 from typing import NamedTuple
@@ -14,12 +26,21 @@ from typing import NamedTuple
 import cython
 import numpy as np
 from cython import Py_ssize_t
+from cython.cimports.libc.math import sqrt
+from cython.cimports.libc.stdlib import free, malloc, realloc
 from cython.cimports.namlcp.linalg.arrays import indices as longs
 from cython.cimports.namlcp.linalg.arrays import places
+from cython.cimports.namlcp.watch import Watched, is_over, raise_kept
 from scipy.sparse import csc_matrix
 
 from namlcp.checks import constant, refuse_size, transposed
+from namlcp.limits import NEVER, OutOfTime
 
+# Neighbours of a hub at least, relative to the square root of the order, and to the
+# mean over all rows.
+ABOVE_ROOT, ABOVE_MEAN = 2.0, 6.0
+# Operations for each neighbour of a pivot, about.
+OPERATIONS = 100.0
 MERGE = np.array(((4, 0.5), (16, 0.3), (48, 0.1), (1 << 30, 0.05)))
 """(Columns, fraction): supernodes are merged into one of at most so many columns if at
 most that fraction of its entries are explicit zeros."""
@@ -61,6 +82,342 @@ class Supernodes(NamedTuple):
     source: np.ndarray
 
 
+def minimum_degree(indptr, indices, deadline=NEVER):
+    """Return an `Order` of a symmetric matrix; OutOfTime if the deadline is reached."""
+    size: Py_ssize_t = indptr.size - 1
+    place = np.empty(size, np.int32)
+    # Sums of SciPy's matrices have indices of 64 bits.
+    indptr = np.ascontiguousarray(indptr, np.int32)
+    indices = np.ascontiguousarray(indices, np.int32)
+    columns, rows = places(indptr, size + 1), places(indices, indices.size)
+    to, watch = places(place, size), Watched()
+    watch.until = deadline.at
+    with cython.nogil:
+        is_done = order_by_degree(columns, rows, size, to, watch)
+    raise_kept(watch)
+    if watch.over:
+        raise OutOfTime
+    if not is_done:
+        raise MemoryError("no memory for an elimination order")
+    return postordered(indptr, indices, place)
+
+
+def order_by_degree(indptr, indices, size, place, watch):
+    """Set the places of all rows.
+
+    False where there is not enough memory, or the watch, if not None, says to stop.
+    """
+    quotient: Quotient
+    g = cython.address(quotient)
+    longs = cython.cast(cython.p_Py_ssize_t, malloc((3 * 8 + 10 * 4) * (size + 1)))
+    if longs == cython.NULL:
+        return False
+    ints = cython.cast(cython.p_int, longs + 3 * size)
+    g.size, g.place = size, place
+    g.start, g.mark, g.degree = longs, longs + size, longs + 2 * size
+    g.length, g.elements, g.weight = ints, ints + size, ints + 2 * size
+    g.following, g.last, g.hubs = ints + 3 * size, ints + 4 * size, ints + 5 * size
+    g.head, g.after = ints + 6 * size, ints + 7 * size
+    g.before, g.bucket = ints + 8 * size, ints + 9 * size
+    left = write_graph(g, indptr, indices)
+    is_done: cython.bint = left >= 0 and eliminate_all(g, left, watch)
+    free(g.adjacent)
+    free(longs)
+    return is_done
+
+
+def write_graph(g, indptr, indices):
+    """Set the graph without hubs; return its variables, -1 without memory."""
+    start, length, degree, place = g.start, g.length, g.degree, g.place
+    for i in range(g.size):
+        degree[i] = 0
+    total: Py_ssize_t = 0
+    for j in range(g.size):
+        for t in range(indptr[j], indptr[j + 1]):
+            i = indices[t]
+            if i < j:
+                degree[i] += 1
+                degree[j] += 1
+                total += 2
+    least = max(ABOVE_ROOT * sqrt(g.size), ABOVE_MEAN * total / max(g.size, 1))
+    variables: Py_ssize_t = 0
+    g.end = 0
+    for i in range(g.size):
+        start[i] = g.end
+        length[i] = 0
+        g.elements[i] = 0
+        g.weight[i] = 1
+        g.mark[i] = 1
+        g.head[i] = NONE
+        g.bucket[i] = NONE
+        g.following[i] = NONE
+        g.last[i] = i
+        place[i] = HUB
+        if degree[i] <= least:
+            place[i] = VARIABLE
+            variables += 1
+            g.end += degree[i]  # and hubs, which leave gaps
+    g.room = 2 * g.end + variables
+    g.adjacent = cython.cast(cython.p_int, malloc(4 * (g.room + 1)))
+    adjacent = g.adjacent
+    if adjacent == cython.NULL:
+        return -1
+    for j in range(g.size):
+        for t in range(indptr[j], indptr[j + 1]):
+            i = indices[t]
+            if i < j and place[i] == VARIABLE and place[j] == VARIABLE:
+                adjacent[start[i] + length[i]] = j
+                length[i] += 1
+                adjacent[start[j] + length[j]] = i
+                length[j] += 1
+    for i in range(g.size):
+        g.hubs[i] = degree[i] - length[i]
+        degree[i] = length[i]
+        if place[i] == VARIABLE:
+            insert(g, i, listed_degree(g, i))
+    return variables
+
+
+def eliminate_all(g, left, watch):
+    """Set all places, those of hubs last; False if that does not succeed."""
+    done: cython.int = 0
+    least: Py_ssize_t = 0  # no list of a smaller degree has members
+    widest: Py_ssize_t = 0
+    i: Py_ssize_t
+    g.tag = 2  # marks are below it, see `update`
+    while left > 0:
+        while g.head[least] < 0:
+            least += 1
+        pivot: Py_ssize_t = g.head[least]
+        remove(g, pivot, least)
+        if not reserve(g, pivot):
+            return False
+        begin = g.end
+        form_element(g, pivot)
+        if watch is not None and is_over(watch, OPERATIONS * (g.end + 1 - begin)):
+            return False
+        widest = max(widest, g.degree[pivot])
+        update(g, pivot)
+        g.tag += widest + 1
+        merge_alike(g, begin)
+        left += g.weight[pivot]
+        least = min(least, link_all(g, pivot, left))
+        i = pivot
+        while i >= 0:
+            g.place[i] = done
+            done += 1
+            i = g.following[i]
+    for i in range(g.size):
+        if g.place[i] == HUB:
+            g.place[i] = done
+            done += 1
+    return True
+
+
+def listed_degree(g, i):
+    return min(g.degree[i] + g.hubs[i], g.size - 1)
+
+
+def insert(g, i, d):
+    first = g.head[d]
+    g.before[i] = NONE
+    g.after[i] = first
+    if first >= 0:
+        g.before[first] = i
+    g.head[d] = i
+
+
+def remove(g, i, d):
+    before, after = g.before[i], g.after[i]
+    if before >= 0:
+        g.after[before] = after
+    else:
+        g.head[d] = after
+    if after >= 0:
+        g.before[after] = before
+
+
+def reserve(g, pivot):
+    """Make room in `adjacent` for the element of the pivot; False if there is none."""
+    begin = g.start[pivot]
+    most: Py_ssize_t = g.length[pivot]
+    for p in range(begin, begin + g.elements[pivot]):
+        most += g.length[g.adjacent[p]]
+    if g.end + most > g.room:
+        g.room = 2 * g.room + most
+        larger = realloc(g.adjacent, 4 * g.room)
+        if larger == cython.NULL:
+            return False
+        g.adjacent = cython.cast(cython.p_int, larger)
+    return True
+
+
+def form_element(g, pivot):
+    """Append to `adjacent` all variables beside the pivot.
+
+    Their weights become negative, they leave their lists, and the elements beside the
+    pivot are absorbed. start[pivot] and degree[pivot] become those of the element.
+    """
+    start, length, weight = g.start, g.length, g.weight
+    adjacent, end = g.adjacent, g.end
+    weight[pivot] = -weight[pivot]
+    begin = start[pivot]
+    number = g.elements[pivot]
+    start[pivot] = end
+    rows: Py_ssize_t = 0
+    for q in range(begin, begin + number + 1):
+        if q < begin + number:
+            e = adjacent[q]
+            g.mark[e] = 0
+            first, last = start[e], start[e] + length[e]
+        else:
+            first, last = q, begin + length[pivot]
+        for p in range(first, last):
+            i = adjacent[p]
+            if weight[i] > 0:
+                remove(g, i, listed_degree(g, i))
+                rows += weight[i]
+                weight[i] = -weight[i]
+                adjacent[end] = i
+                end += 1
+    g.degree[pivot] = rows
+    g.end = end
+
+
+def update(g, pivot):
+    """Put the new element into the lists of its variables; bound their degrees.
+
+    First, mark[e] - tag becomes the number of rows of an element e that do not belong
+    to the new one, for all e beside it. A variable that has no other neighbours than
+    the new element's is eliminated together with the pivot.
+    """
+    start, length, elements = g.start, g.length, g.elements
+    weight, mark, degree = g.weight, g.mark, g.degree
+    adjacent, tag = g.adjacent, g.tag
+    begin, end = start[pivot], g.end
+    for p in range(begin, end):
+        i = adjacent[p]
+        for q in range(start[i], start[i] + elements[i]):
+            e = adjacent[q]
+            if mark[e] >= tag:
+                mark[e] += weight[i]
+            elif mark[e] != 0:
+                mark[e] = tag + degree[e] + weight[i]
+    for p in range(begin, end):
+        i = adjacent[p]
+        first = start[i]
+        to = first
+        key: Py_ssize_t = 0
+        rows: Py_ssize_t = 0
+        for q in range(first, first + elements[i]):
+            e = adjacent[q]
+            if mark[e] > tag:
+                rows += mark[e] - tag
+                adjacent[to] = e
+                to += 1
+                key += e
+            else:
+                mark[e] = 0
+        middle = to
+        for q in range(first + elements[i], first + length[i]):
+            j = adjacent[q]
+            if weight[j] > 0:
+                rows += weight[j]
+                adjacent[to] = j
+                to += 1
+                key += j
+        if to == first:
+            weight[pivot] += weight[i]
+            degree[pivot] += weight[i]
+            weight[i] = 0
+            append(g, i, pivot)
+            continue
+        # There is room for the pivot: it, or an element of its own, has left.
+        adjacent[to] = adjacent[middle]
+        adjacent[middle] = adjacent[first]
+        adjacent[first] = pivot
+        elements[i] = middle - first + 1
+        length[i] = to - first + 1
+        degree[i] = min(degree[i], rows)
+        key %= g.size
+        g.before[i] = key
+        g.after[i] = g.bucket[key]
+        g.bucket[key] = i
+
+
+def append(g, j, i):
+    g.following[g.last[i]] = j
+    g.last[i] = g.last[j]
+
+
+def merge_alike(g, begin):
+    """Merge variables of the new element that have the same neighbours.
+
+    Only those with the same key are compared. All marks are below `tag`.
+    """
+    start, length, after = g.start, g.length, g.after
+    mark, adjacent, tag = g.mark, g.adjacent, g.tag
+    for p in range(begin, g.end):
+        if g.weight[adjacent[p]] == 0:
+            continue
+        key = g.before[adjacent[p]]
+        i = g.bucket[key]
+        g.bucket[key] = NONE
+        while i >= 0 and after[i] >= 0:
+            # the first neighbour of all is the new element
+            for q in range(start[i] + 1, start[i] + length[i]):
+                mark[adjacent[q]] = tag
+            previous = i
+            j = after[i]
+            while j >= 0:
+                alike: cython.bint = length[j] == length[i]
+                alike = alike and g.elements[j] == g.elements[i]
+                q = start[j] + 1
+                while alike and q < start[j] + length[j]:
+                    alike = mark[adjacent[q]] == tag
+                    q += 1
+                if alike:
+                    g.weight[i] += g.weight[j]
+                    g.weight[j] = 0
+                    g.hubs[i] = max(g.hubs[i], g.hubs[j])
+                    append(g, j, i)
+                    after[previous] = after[j]
+                else:
+                    previous = j
+                j = after[j]
+            tag += 1
+            i = after[i]
+    g.tag = tag
+
+
+def link_all(g, pivot, left):
+    """Return the variables of the new element to the lists; the least degree.
+
+    `left` rows are not eliminated yet. `adjacent` then ends with supervariables.
+    """
+    weight, degree, adjacent = g.weight, g.degree, g.adjacent
+    begin = g.start[pivot]
+    lowest = g.size
+    to = begin
+    for p in range(begin, g.end):
+        i = adjacent[p]
+        if weight[i] == 0:
+            continue
+        weight[i] = -weight[i]
+        rows = degree[i] + degree[pivot] - weight[i]
+        degree[i] = min(rows, left - weight[i])
+        d = listed_degree(g, i)
+        insert(g, i, d)
+        lowest = min(lowest, d)
+        adjacent[to] = i
+        to += 1
+    weight[pivot] = -weight[pivot]
+    g.elements[pivot] = 0
+    g.length[pivot] = to - begin
+    g.end = to
+    return lowest
+
+
 def nested_dissection(indptr, indices):
     """Return METIS's `Order` of a matrix; None without pymetis (the extra `large`).
 
@@ -82,7 +439,6 @@ def nested_dissection(indptr, indices):
 
 
 def postordered(indptr, indices, place):
-    """Return the postordered equivalent of the order `place`."""
     columns, rows, _ = permuted(indptr, indices, place, True)
     parent, counts = elimination_tree(columns, rows)
     return renumbered(place, parent, counts, np.zeros(place.size, np.uint8))
@@ -90,22 +446,18 @@ def postordered(indptr, indices, place):
 
 def renumbered(place, parent, counts, comes_last):
     """Return an order with the columns postordered; comes_last: after its siblings."""
-    size: Py_ssize_t = place.size
-    position = postorder(parent, comes_last)
-    new_place, new_parent, new_counts = np.empty((3, size), np.int32)
-    to, old = places(position, size + 1), places(place, size)
-    above, count = places(parent, size), places(counts, size)
-    placed, rooted = places(new_place, size), places(new_parent, size)
-    counted = places(new_counts, size)
+    found = np.empty((3, place.shape[0]), np.int32)
+    new: cython.int[:, ::1] = found
+    to = postorder(parent, comes_last)
     entries: Py_ssize_t = 0
     work: cython.double = 0.0
-    for j in range(size):
-        placed[j] = to[old[j]]
-        rooted[to[j]] = to[above[j]] if above[j] >= 0 else -1
-        counted[to[j]] = count[j]
-        entries += count[j]
-        work += cython.cast(cython.double, count[j]) * count[j]
-    return Order(new_place, new_parent, new_counts, entries, work)
+    for j in range(place.shape[0]):
+        new[0, j] = to[place[j]]
+        new[1, to[j]] = to[parent[j]] if parent[j] >= 0 else -1
+        new[2, to[j]] = counts[j]
+        entries += counts[j]
+        work += cython.cast(cython.double, counts[j]) * counts[j]
+    return Order(*found, entries, work)
 
 
 def chained(order):
@@ -191,14 +543,9 @@ def elimination_tree(indptr, indices):
 
 
 def postorder(parent, comes_last):
-    """Return the place of every node, each directly after its descendants.
-
-    Those that come last are after their siblings. The last entry is -1, the parent of
-    a root.
-    """
+    """Return the place of every node, each directly after its descendants."""
     size = parent.shape[0]
-    position = constant(size + 1, -1, np.int32)
-    place: cython.int[::1] = position
+    place: cython.int[::1] = np.empty(size, np.int32)
     head: cython.int[::1] = constant(size + 1, -1, np.int32)  # the last list: the roots
     following: cython.int[::1] = np.empty(size, np.int32)
     path: cython.int[::1] = np.empty(size + 1, np.int32)
@@ -223,7 +570,7 @@ def postorder(parent, comes_last):
                 place[k] = done
                 done += 1
             depth -= 1
-    return position
+    return place
 
 
 def supernodes(indptr, indices, order):

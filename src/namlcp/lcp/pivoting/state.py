@@ -16,7 +16,7 @@ from cython.cimports.libc.math import INFINITY
 from cython.cimports.libc.stdlib import free, malloc
 from cython.cimports.namlcp.linalg.arrays import data_of, new_vector, numbers, places
 from cython.cimports.namlcp.linalg.blas import cholesky, cholesky_solve, lu, lu_solve
-from cython.cimports.namlcp.linalg.minimum_degree import order_by_degree
+from cython.cimports.namlcp.linalg.ordering import order_by_degree
 from cython.cimports.namlcp.linalg.vectors import copy, fill
 from cython.cimports.namlcp.watch import Watched, begin_watch
 
@@ -153,13 +153,13 @@ def solve_free(m):
 
 def set_order(m):
     """Set `order` to the free unknowns, in elimination order if L D L' is possible."""
-    side, rank, kind = m.side, m.pattern, m.flag
+    side, rank = m.side, m.pattern
     count: Py_ssize_t = 0
     for i in range(m.n):
         count += side[i] == 0
     m.is_sparse = m.symmetric and not m.is_dense and count > SMALL_ORDER
     if m.is_sparse and not m.is_ordered:
-        if not order_by_degree(m.indptr, m.indices, m.n, kind, rank, None):
+        if not order_by_degree(m.indptr, m.indices, m.n, rank, None):
             m.is_short = True
             return
         for i in range(m.n):
