@@ -4,7 +4,6 @@ Functions that take the arrays of a compressed matrix take them in the order ind
 indices, data; where a dense form goes with them it stands first.
 """
 
-from namlcp.linalg.columns import LEAST_DIVISOR
 from namlcp.linalg.csc import (
     add_transposed,
     arrays_of,
@@ -18,6 +17,7 @@ from namlcp.linalg.csc import (
     without_zeros,
 )
 from namlcp.linalg.definite import (
+    LEAST_DIVISOR,
     PSD_SLACK,
     asymmetry,
     has_positive_pivots,

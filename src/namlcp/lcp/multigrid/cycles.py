@@ -28,8 +28,8 @@ from namlcp.lcp.loops import relax
 from namlcp.lcp.multigrid.hierarchy import Hierarchy, VCycle, hierarchy_of
 from namlcp.lcp.multigrid.kernels import affine
 from namlcp.limits import Deadline, Limits
-from namlcp.linalg.columns import LEAST_DIVISOR
 from namlcp.linalg.csc import arrays_of
+from namlcp.linalg.definite import LEAST_DIVISOR
 from namlcp.residuals import natural_residual
 from namlcp.status import Outcome, Status
 

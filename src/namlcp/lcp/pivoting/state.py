@@ -20,9 +20,10 @@ from cython.cimports.namlcp.linalg.ordering import order_by_degree
 from cython.cimports.namlcp.linalg.vectors import copy, fill
 from cython.cimports.namlcp.watch import Watched, begin_watch
 
-from namlcp.linalg import columns, definite
+from namlcp.lcp import prepared
+from namlcp.linalg import definite
 
-SMALL_ORDER, PSD_SLACK = columns.SMALL_ORDER, definite.PSD_SLACK
+SMALL_ORDER, PSD_SLACK = prepared.SMALL_ORDER, definite.PSD_SLACK
 
 # Added to the unit diagonal where Cholesky fails, so that a singular A_FF succeeds.
 JITTER = 1e-11
