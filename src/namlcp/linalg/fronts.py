@@ -1,18 +1,17 @@
 """L D L' or L D U of a large sparse matrix by the multifrontal method.
 
-A supernode, k columns of L on f rows, is kept as one dense column-major block, the
-panel. Eliminating it leaves an update of order u = f - k, which its parent in the
-elimination tree adds to its own front. Nearly all operations are products by BLAS. The
-method: Duff and Reid, ACM Trans. Math. Softw. 9 (1983) 302-325.
+A supernode, k columns of L on f rows, is one dense column-major block, the panel.
+Eliminating it leaves an update of order u = f - k, which its parent in the elimination
+tree adds to its own front (Duff and Reid, ACM Trans. Math. Softw. 9 (1983) 302-325).
 
 K is symmetric, or its pattern is. Then a second panel has U', and with the lower
 triangles of two updates, of K and of K', both sides are computed alike:
 
     K_below -= L D U_below'    and, the sides exchanged,    K'_below -= U' D L_below'.
 
-Pivots are taken from the diagonal in the order given. Every symmetric permutation of a
-quasi-definite matrix has an L D L' (R. Vanderbei, SIAM J. Optim. 5 (1995) 100-113); for
-other matrices this is justified by measurement alone (`lcp.general.cones`).
+Pivots are taken from the diagonal in the order given, which suits quasi-definite
+matrices (see `sparse_ldl`); for others, those of `lcp.general.cones`, measurements
+alone justify it.
 
 Updates are kept on two stacks that grow towards each other, one for supernodes of even
 depth, one for odd depth: so those of the children are at the end of the one while that
@@ -20,8 +19,7 @@ of their parent is set at the end of the other.
 
 Threads share the work by *pieces*: subtrees, each with stacks of its own, and at last
 all other supernodes, which one thread does alone. A front takes what its children pass
-on in their order, in a factorisation and in a solve: so the bits are the same for any
-number of threads.
+on in their order: so the bits are the same for any number of threads.
 """
 
 import cython
@@ -96,7 +94,6 @@ class Fronts(Factors):
         self.D, self.entries = numbers(self.pivots, self.n), self.sides * size
 
     def share(self, nodes, threads):
-        """Lay out the pieces, the stacks and the work space of so many threads."""
         t, n, number = address(self.t), self.n, self.t.number
         k, f = np.diff(nodes.first), np.diff(nodes.starts)
         sequence, bounds = pieces_of(nodes.parent, k * f.astype(float) ** 2)
@@ -169,7 +166,6 @@ class Fronts(Factors):
 
 
 def lay_out(f, position):
-    """Set the places of entries and rows, and the lists of children."""
     t = address(f.t)
     for s in range(t.number):
         t.child[s] = -1
@@ -250,7 +246,6 @@ def pieces_of(parent, work):
 
 
 def front_at(f, s):
-    """Return the sizes and rows of supernode s, and where its numbers are."""
     t, v = address(f.t), cython.declare(Front)
     start = t.starts[s]
     v.first = t.first[s]
@@ -266,7 +261,7 @@ def front_at(f, s):
 
 
 def do_tasks(f, work, watch):
-    """Do the work of all pieces but the last one, on all threads."""
+    """Do all pieces but the last one, on all threads."""
     f.work, f.next = work, 0
     if f.t.pieces == 1:
         return
@@ -282,14 +277,12 @@ def do_tasks(f, work, watch):
 
 
 def help_along(own):
-    """Be a thread, at a `Desk`."""
     desk = cast(cython.pointer(Desk), own)
     take_tasks(cast(Fronts, desk.owner), cast(Watched, desk.watch), desk)
     PyThread_release_lock(desk.done)
 
 
 def take_tasks(f, watch, desk):
-    """Do pieces that no other thread has taken."""
     while not f.failed:
         PyThread_acquire_lock(f.guard, 1)
         p = f.next
@@ -301,7 +294,6 @@ def take_tasks(f, watch, desk):
 
 
 def do_piece(f, p, watch, desk):
-    """Do the work of one piece, backward from its last supernode if it is asked for."""
     begin, end = f.t.bounds[p], f.t.bounds[p + 1]
     if f.work == FACTOR:
         for i in range(begin, end):
@@ -451,9 +443,6 @@ def forward(f, s, end, desk):
     """Solve with the columns of L of a supernode, in desk.z for rows from `end` on."""
     v, x = front_at(f, s), f.t.x
     own, P, y = x + v.first, v.panels[0], desk.w
-    if v.k == 1:
-        subtract_below(v.rows, v.u, P + 1, own[0], x, desk.z, end)
-        return
     copy(own, y, v.k)
     fill(y + v.k, 0.0, v.u)
     j: Py_ssize_t = 0
@@ -465,18 +454,13 @@ def forward(f, s, end, desk):
         subtract(y + stop, P + stop + j * v.f, v.f, y + j, stop - j, v.f - stop)
         j = stop
     copy(y, own, v.k)
-    subtract_below(v.rows, v.u, y + v.k, -1.0, x, desk.z, end)
-
-
-def subtract_below(rows, u, column, factor, x, z, end):
-    """Subtract a multiple of a column from u rows of x, from `end` on of z."""
-    inside = u
-    while inside > 0 and rows[inside - 1] >= end:
+    inside = v.u
+    while inside > 0 and v.rows[inside - 1] >= end:
         inside -= 1
     for i in range(inside):
-        x[rows[i]] -= column[i] * factor
-    for i in range(inside, u):
-        z[rows[i]] -= column[i] * factor
+        x[v.rows[i]] += y[v.k + i]
+    for i in range(inside, v.u):
+        desk.z[v.rows[i]] += y[v.k + i]
 
 
 def backward(f, s, desk):
@@ -529,14 +513,9 @@ def subtract(out, L, ld, w, k, m):
             out, m,
         )  # fmt: skip
         p += 4
-    if p + 2 <= k:
-        a = L + p * ld
-        b, w_a, w_b = a + ld, w[p], w[p + 1]
-        for i in range(m):
-            out[i] -= a[i] * w_a + b[i] * w_b
-        p += 2
-    if p < k:
+    while p < k:
         add_scaled(-w[p], L + p * ld, out, m)
+        p += 1
 
 
 def subtract_product(m, n, k, A, B, ldb, beta, C, ldc):
