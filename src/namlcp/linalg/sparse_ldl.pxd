@@ -51,7 +51,6 @@ cdef class SparseFactors(Factors):
 
 cdef object as_array(double* values, Py_ssize_t size)
 cdef void lay_out(SparseFactors f, const int* indptr, const int* parent, const int* counts) noexcept nogil
-cdef Py_ssize_t first_dense(SparseFactors f) noexcept nogil
 cdef void subtract_products(SparseFactors f) noexcept nogil
 cdef inline double apply_one(SparseFactors f, Py_ssize_t i, Py_ssize_t rows) noexcept nogil
 cdef double apply_four(SparseFactors f, Py_ssize_t i) noexcept nogil

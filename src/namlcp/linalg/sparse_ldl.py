@@ -2,28 +2,23 @@
 
 The matrix K is given by its upper triangle in CSC, with all diagonal entries, which are
 the last of their columns. Every symmetric permutation of a quasi-definite matrix has an
-L D L' without pivoting (R. Vanderbei, SIAM J. Optim. 5 (1995) 100-113); L has ones on
-its diagonal. All indices are laid out once.
-
-It is factored row by row. With y the entries of K in row k of the triangle: for all i
-with l_ki not 0, in rising order,
+L D L' without pivoting (R. Vanderbei, SIAM J. Optim. 5 (1995) 100-113). With y the
+entries of K in row k of the triangle: for all i with l_ki not 0, in rising order,
 
     y_j -= l_ji y_i  (i < j < k),    l_ki = y_i / d_i,    d_k = k_kk - sum_i l_ki y_i
 
 (T. Davis, "Algorithm 849", ACM Trans. Math. Softw. 31 (2005) 587-591). Columns of L are
 alike if each is the first below the diagonal in the one before, and both have the same
-rows below that. Four such columns are a *chunk*, applied to y at a time: each entry of
-y is read and written once for all of them, and has one index.
+rows below that. Four such columns are a *chunk*, applied to y at a time.
 
-Where L ends with a dense block, its rows have most of the work, and every one would
-read most of L. So the single columns before the block are applied to the y_j before it
-alone. Then each of them is read once, and subtracted from all rows of the block,
+Where L ends with a dense block, every one of its rows would read most of L. So the
+single columns before the block are applied to the y_j before it alone. Then each of
+them is read once, and subtracted from all rows of the block,
 
     s_rc -= l_ri d_i l_ci    (i before the block, c < r in it),
 
 and the block is factored, row by row. In the meantime `values` has the s_rc in place of
-the l_rc, and `inverse` has the pivots of the block, as far as they are known. Chunks of
-four columns are as fast row by row.
+the l_rc, and `inverse` has the pivots of the block, as far as they are known.
 """
 
 import cython
@@ -31,12 +26,7 @@ import numpy as np
 from cython import Py_ssize_t
 from cython.cimports import numpy as cnp
 from cython.cimports.libc.math import isfinite
-from cython.cimports.namlcp.linalg.arrays import (
-    data_of,
-    new_vector,
-    numbers,
-    places,
-)
+from cython.cimports.namlcp.linalg.arrays import data_of, new_vector, numbers, places
 from cython.cimports.namlcp.linalg.arrays import indices as longs_at
 from cython.cimports.namlcp.linalg.ordering import append_rows
 from cython.cimports.namlcp.linalg.vectors import subtract_sum
@@ -52,27 +42,19 @@ cnp.import_array()
 LEAST = float(np.finfo(np.float64).tiny)
 # Operations after which the watch is told of them.
 LOOK_AFTER = 1e5
-# CONSECUTIVE: rows that a chunk must have for a test whether they follow each other
-# without gaps. If they do, they need no indices, and the processor takes several at a
-# time. SMALLEST_BLOCK, BEFORE_BLOCK: columns that a dense block at the end of L must
-# have to be treated as one, and columns before it for each of its own: with fewer, rows
-# are as fast one by one.
+# CONSECUTIVE: rows that a chunk must have for a test whether they are without gaps.
+# SMALLEST_BLOCK, BEFORE_BLOCK: columns that a dense block at the end of L must have to
+# be treated as one, and columns before it for each of its own.
 
 
 class Factors:
-    """Factors of quasi-definite matrices with one pattern of the upper triangle.
-
-    A subclass has `factor_values` and `solve_into`, which run without the GIL.
-    """
+    """Factors of quasi-definite matrices with one pattern of the upper triangle."""
 
     def __init__(self, indptr):
         self.n, self.nnz = indptr.size - 1, indptr[indptr.size - 1]
 
     def refactor(self, data, deadline=NEVER):
-        """Factor the matrix with these values; ValueError if a pivot is 0.
-
-        OutOfTime if the deadline is reached before.
-        """
+        """Factor; ValueError if a pivot is 0, OutOfTime if the deadline is reached."""
         watch, values = Watched(), numbers(data, self.nnz)
         watch.until = deadline.at
         with cython.nogil:
@@ -84,7 +66,6 @@ class Factors:
             raise ValueError("a pivot vanishes")
 
     def solve(self, rhs):
-        """Return the solution for a right-hand side."""
         x = new_vector(self.n)
         self.solve_into(numbers(rhs, self.n), data_of(x))
         return x
@@ -98,7 +79,6 @@ class Factors:
 
 
 def as_array(values, size):
-    """Return an array that shares its entries."""
     length: cnp.npy_intp = size
     return cnp.PyArray_SimpleNewFromData(
         1, cython.address(length), cnp.NPY_DOUBLE, values
@@ -109,7 +89,6 @@ class SparseFactors(Factors):
     """L D L' by chunks of columns."""
 
     def __init__(self, indptr, indices, order):
-        """Lay out L for a matrix K in an `Order`, which has all its rows."""
         Factors.__init__(self, indptr)
         self.entries, self.work = order.entries, order.work
         refuse_size("the factors", self.entries)
@@ -227,7 +206,12 @@ def lay_out(f, indptr, parent, counts):
                 break
         width[begin] = width[begin + columns - 1] = columns
         begin += columns
-    f.first = first_dense(f)
+    f.first = n
+    while f.first > 0 and counts[f.first - 1] == n - f.first:
+        f.first -= 1
+    block = n - f.first
+    if block < SMALLEST_BLOCK or f.first < BEFORE_BLOCK * block:
+        f.first = n
     for k in range(n):
         done[k] = 0
         reach[k] = n
@@ -251,19 +235,6 @@ def lay_out(f, indptr, parent, counts):
             f.chunks[done[k]] = begin
             done[k] += 1
         begin += width[begin]
-
-
-def first_dense(f):
-    """Return the column with which the dense block that L ends with begins.
-
-    It is n, no column, if the block is small or has few columns before it.
-    """
-    first = f.n
-    while first > 0 and f.starts[first] - f.starts[first - 1] == f.n - first:
-        first -= 1
-    block = f.n - first
-    is_large: cython.bint = block >= SMALLEST_BLOCK and first >= BEFORE_BLOCK * block
-    return first if is_large else f.n
 
 
 # ---- the chunks of a factorisation
