@@ -17,7 +17,7 @@ from namlcp.linalg.ordering import (
     nested_dissection,
 )
 from namlcp.linalg.sparse_ldl import Factors, SparseFactors
-from namlcp.linalg.threads import STATE
+from namlcp.linalg.threads import THREADS
 
 # Work of a factorisation, see `Order.work`, in all and for each row, from which on
 # dense fronts are used: a factorisation and six solves take as long both ways there.
@@ -43,7 +43,7 @@ def plan_factors(
     order = best_order(indptr, indices, deadline)
     deadline.check(PASS * order.entries)
     if order.work >= max(HEAVY, HEAVY_ROW * order.parent.size):
-        fronts = Fronts(indptr, indices, chained(order), None, STATE.threads)
+        fronts = Fronts(indptr, indices, chained(order), None, THREADS.get())
         if fronts.stack <= MOST_WAITING * order.entries:
             return fronts
     return SparseFactors(indptr, indices, order)

@@ -12,6 +12,7 @@ Python, the last to end restores the setting that the first one found.
 """
 
 import contextlib
+import contextvars
 import ctypes
 import functools
 import os
@@ -19,7 +20,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import ClassVar
+from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -39,14 +40,32 @@ NAMES = (
 
 Setting = tuple[Callable[[int], None], Callable[[], int]]
 
+THREADS = contextvars.ContextVar("threads", default=1)
+"""How many threads a solve may use beside those of BLAS."""
+
+# What the blocks that run ask of BLAS, and what the first one found.
+ASKED: list[int] = []
+BEFORE: list[int] = []
+LOCK = threading.Lock()
+
 
 @functools.cache
 def settings() -> list[Setting]:
     """Return these functions of NumPy's and SciPy's BLAS, where they can be found."""
+    names = (
+        "numpy._core._multiarray_umath",
+        "numpy.core._multiarray_umath",  # before NumPy 2
+        "scipy.linalg._fblas",
+    )
+    modules = [sys.modules[name] for name in names if name in sys.modules]
+    files: list[Any] = [module.__file__ for module in modules if module.__file__]
+    if os.name == "nt":  # where symbols of linked libraries are not found through these
+        for package in (np, scipy):
+            files += Path(f"{package.__path__[0]}.libs").glob("*openblas*")
     found: dict[int | None, Setting] = {}
-    for file in extension_modules():
+    for file in files:
         with contextlib.suppress(OSError):
-            library = ctypes.CDLL(file)  # already loaded, with the BLAS it is linked to
+            library = ctypes.CDLL(str(file))  # loaded, with the BLAS it is linked to
             for put_name, get_name in NAMES:
                 put, get = (getattr(library, n, None) for n in (put_name, get_name))
                 if put is not None and get is not None:
@@ -57,76 +76,42 @@ def settings() -> list[Setting]:
     return list(found.values())
 
 
-def extension_modules() -> Iterator[str]:
-    """Yield files that are linked with NumPy's BLAS and with SciPy's.
-
-    On Windows symbols of linked libraries are not found through such a file; the
-    libraries are in a folder beside the package.
-    """
-    for name in (
-        "numpy._core._multiarray_umath",
-        "numpy.core._multiarray_umath",  # before NumPy 2
-        "scipy.linalg._fblas",
-    ):
-        module = sys.modules.get(name)
-        if module is not None and module.__file__:
-            yield module.__file__
-    if os.name == "nt":
-        for package in (np, scipy):
-            folder = Path(f"{package.__path__[0]}.libs")
-            yield from map(str, folder.glob("*openblas*"))
-
-
-class State(threading.local):
-    """How many threads the solve of this thread may use; what all blocks ask of BLAS.
-
-    `asked` has that of the blocks that run, `before` what the first one found.
-    """
-
-    threads = 1
-    lock = threading.Lock()
-    asked: ClassVar[list[int]] = []
-    before: ClassVar[list[int]] = []
-
-
-STATE = State()
-
-
 @contextlib.contextmanager
 def limited(threads: int, blas: int) -> Iterator[None]:
     """Be a block of a solve with so many threads, of which BLAS may use its own number.
 
     Of blocks that run at once, the one that asks most of BLAS counts.
     """
-    outer, STATE.threads = STATE.threads, threads
-    with State.lock:
-        if not State.asked:
-            State.before[:] = [get() for _, get in settings()]
-        State.asked.append(blas)
+    outer = THREADS.set(threads)
+    with LOCK:
+        if not ASKED:
+            BEFORE[:] = [get() for _, get in settings()]
+        ASKED.append(blas)
         put_threads()
     try:
         yield
     finally:
-        STATE.threads = outer
-        with State.lock:
-            if blas in State.asked:  # not so in a child of fork
-                State.asked.remove(blas)
+        THREADS.reset(outer)
+        with LOCK:
+            if blas in ASKED:  # not so in a child of fork
+                ASKED.remove(blas)
                 put_threads()
 
 
 def put_threads() -> None:
     """Set the largest number asked for, or the number before the first block."""
-    for (put, get), before in zip(settings(), State.before, strict=True):
-        wanted = max(State.asked, default=before)
+    for (put, get), before in zip(settings(), BEFORE, strict=True):
+        wanted = max(ASKED, default=before)
         if get() != wanted:
             put(wanted)
 
 
 def forget() -> None:
     """Start anew in a forked process, which has none of the threads that solved."""
-    State.lock = threading.Lock()
-    if State.asked:
-        State.asked.clear()
+    global LOCK
+    LOCK = threading.Lock()
+    if ASKED:
+        ASKED.clear()
         put_threads()
 
 
@@ -140,7 +125,7 @@ def blas_threads(
     """Let BLAS use `threads` threads in a `with` block, one where more do not pay.
 
     `order`: of the largest matrix that may be dense; up to UNTOUCHED_ORDER nothing is
-    set. Unless it is `dense`, BLAS has one, and the others are left: `STATE.threads`.
+    set. Unless it is `dense`, BLAS has one, and the others are left: `THREADS`.
     """
     if order <= UNTOUCHED_ORDER or not settings():
         return contextlib.nullcontext()
