@@ -6,8 +6,6 @@ indices, but `times` and `add_transposed` take any: products of other kinds are 
 `@`. The order of summation is SciPy's.
 """
 
-from typing import NamedTuple
-
 import cython
 import numpy as np
 from cython import Py_ssize_t
@@ -26,16 +24,9 @@ DENSE = 0.2
 MOST_DENSE, STRIP = 20_000_000, 1_000_000
 
 
-class Compressed(NamedTuple):
-    """The arrays of a matrix in CSC or CSR."""
-
-    indptr: object
-    indices: object
-    data: object
-
-
 def arrays_of(M):
-    return Compressed(M.indptr, M.indices, M.data)
+    """Return (indptr, indices, data)."""
+    return M.indptr, M.indices, M.data
 
 
 def as_dense(C):
@@ -89,9 +80,7 @@ def submatrix(M, rows, columns):
 
 
 def by_rows(M):
-    """Return M in CSR."""
-    parts = transposed(M.indptr, M.indices, M.data, M.shape[0])
-    return from_arrays(parts, M.shape, csr_array)
+    return from_arrays(transposed(*arrays_of(M), M.shape[0]), M.shape, csr_array)
 
 
 def with_squares(P, B, weight, deadline=NEVER):
@@ -107,7 +96,7 @@ def with_squares(P, B, weight, deadline=NEVER):
             half *= np.sqrt(weight[strip])[:, None]
             S += half.T @ half
         return as_sparse(S)
-    turned = Compressed(*transposed(B.indptr, B.indices, B.data, rows))
+    turned = by_rows(B)  # as columns, B'
     parts: Columns[3]
     take_columns(P, columns, cython.address(parts[0]))
     take_columns(B, columns, cython.address(parts[1]))
@@ -167,10 +156,8 @@ def write_squares(parts, weight, indptr, indices, data):
     """Write P + B' diag(weight) B with columns that are not sorted.
 
     Column by column with a dense accumulator (Gustavson, ACM Trans. Math. Softw. 4
-    (1978) 250-269), for which B is taken by rows as well.
-
-    parts: P and B by columns, B by rows. Returns the number of entries, -1 if there is
-    no room for them.
+    (1978) 250-269). parts: P and B by columns, B by rows. Returns the number of
+    entries, -1 if there is no room for them.
     """
     P, B, rows = parts[0], parts[1], parts[2]
     n, capacity = indptr.shape[0] - 1, data.shape[0]
@@ -216,6 +203,7 @@ def unit_triangle(indptr, indices, data, zero, least, slack):
     least `least`, allows for rounding, and R^2 is the diagonal of P + t I.
     """
     n, size = indptr.shape[0] - 1, 0.0
+    most = data.shape[0] + n
     diagonal: cython.double[::1] = np.zeros(n)
     root: cython.double[::1] = np.empty(n)
     number: cython.int[::1] = constant(n, -1, np.int32)
@@ -231,11 +219,8 @@ def unit_triangle(indptr, indices, data, zero, least, slack):
     tiny = zero * size
     for j in range(n):
         root[j] = sqrt(max(diagonal[j], 0.0) + max(tiny, least))
-    starts, places = (
-        np.zeros(order + 1, np.int32),
-        np.empty(data.shape[0] + n, np.int32),
-    )
-    entries = np.empty(data.shape[0] + n)
+    starts, places = np.zeros(order + 1, np.int32), np.empty(most, np.int32)
+    entries = np.empty(most)
     start: cython.int[::1] = starts
     place: cython.int[::1] = places
     value: cython.double[::1] = entries
@@ -264,9 +249,6 @@ def unit_triangle(indptr, indices, data, zero, least, slack):
         nnz += 1
         start[number[j] + 1] = nnz
     return sign, 0, 0, (starts, places[:nnz], entries[:nnz])
-
-
-# ---- the same for compiled code
 
 
 def take_columns(M, n, out):
