@@ -21,7 +21,6 @@ from namlcp.linalg.definite import (
     PSD_SLACK,
     asymmetry,
     has_positive_pivots,
-    is_symmetric,
 )
 from namlcp.linalg.factors import plan_factors, plan_lu
 from namlcp.linalg.ordering import minimum_degree, supernodes

@@ -16,17 +16,15 @@ NO_ENTRIES = np.empty(0)
 
 
 def fits(value, ndim):
-    """Tell whether a value can go to compiled code as it is."""
+    """Tell whether compiled code can take a value as it is: `ndim` axes of doubles."""
     return _is_clean(value, cnp.NPY_DOUBLE, ndim)
 
 
 def are_places(value):
-    """Tell whether a value has indices that can go to compiled code as they are."""
     return _is_clean(value, cnp.NPY_INT32, 1)
 
 
 def are_long(value):
-    """Tell whether a value has such indices but for their 64 bits."""
     return _is_clean(value, cnp.NPY_INT64, 1)
 
 
@@ -42,14 +40,12 @@ def _is_clean(value, kind, ndim):
 
 
 def new_zeros(rows, columns):
-    """Return a matrix of zeros."""
     shape = cython.declare(cnp.npy_intp[2])
     shape[0], shape[1] = rows, columns
     return cnp.PyArray_ZEROS(2, shape, cnp.NPY_DOUBLE, 0)
 
 
 def new_vector(size):
-    """Return a vector that is not set."""
     if size == 0:
         return NO_ENTRIES
     return cnp.PyArray_EMPTY(1, cython.address(size), cnp.NPY_DOUBLE, 0)
@@ -61,26 +57,23 @@ def data_of(array):
 
 
 def numbers(array, size):
-    """Return where the `size` doubles of an array are."""
     return cython.cast(cython.p_double, _entries(array, cnp.NPY_DOUBLE, size))
 
 
 def places(array, size):
-    """Return where the `size` indices of a sparse matrix are."""
     return cython.cast(cython.p_int, _entries(array, cnp.NPY_INT32, size))
 
 
 def indices(array, size):
-    """Return where the `size` indices of an array of NumPy's own type for them are."""
     return cython.cast(cython.p_Py_ssize_t, _entries(array, cnp.NPY_INTP, size))
 
 
 def signs(array, size):
-    """Return where the `size` bytes of an array are."""
     return cython.cast(cython.p_schar, _entries(array, cnp.NPY_INT8, size))
 
 
 def _entries(array, kind, size):
+    """Return where the `size` entries of an array are; ValueError if it is another."""
     own: cnp.ndarray = array
     is_right: cython.bint = (
         cnp.PyArray_EquivTypenums(cnp.PyArray_TYPE(own), kind)

@@ -22,9 +22,8 @@ SYMMETRY_ROUNDING = 1e-14
 """Largest |A - A'|, relative to max |A|, that rounding in double precision explains."""
 
 DENSE_ORDER, FULL_ORDER, FULL = 200, 2000, 0.6
-"""Largest order at which a dense Cholesky factorisation tells the signs of pivots: it
-takes 3 to 70 us, a sparse one 35 to 250. Largest one of a triangle that has the part
-FULL of its entries, whose order would take as long."""
+"""Largest order at which a dense Cholesky factorisation tells the signs of pivots, and
+that of a triangle with the part FULL of its entries."""
 
 
 def asymmetry(C: Any) -> tuple[float, float]:
@@ -52,9 +51,8 @@ def has_positive_pivots(triangle: csc_array, deadline: Deadline = NEVER) -> bool
         deadline.check(PASS * n * n)  # about as long as it takes, without the clock
         lower = as_dense(triangle).T  # in the order of columns, as LAPACK has it
         return bool(dpotrf(lower, lower=1, clean=0, overwrite_a=1)[1] == 0)
-    indptr, indices = (
-        np.ascontiguousarray(v, np.int32) for v in (triangle.indptr, triangle.indices)
-    )
+    arrays = triangle.indptr, triangle.indices
+    indptr, indices = (np.asarray(v, np.int32) for v in arrays)
     factors = plan_factors(indptr, indices, deadline)
     try:
         factors.refactor(triangle.data, deadline)

@@ -1,9 +1,4 @@
-"""Factors of the KKT matrix: of few columns at a time, or dense fronts.
-
-One fill-reducing order is made; its counts tell the work of a factorisation. Where L is
-sparse, up to four columns of it are taken at a time (`sparse_ldl`). With much fill,
-dense fronts are faster (`fronts`).
-"""
+"""The choice of an order, and of factors: few columns (`sparse_ldl`), or `fronts`."""
 
 import numpy as np
 from scipy.sparse import csc_array
@@ -22,11 +17,10 @@ from namlcp.linalg.threads import THREADS
 # Work of a factorisation, see `Order.work`, in all and for each row, from which on
 # dense fronts are used: a factorisation and six solves take as long both ways there.
 HEAVY, HEAVY_ROW = 1.2e6, 1200.0
-# Most entries of updates that wait at once, for each entry of L, for which they are:
-# many narrow supernodes below one, as of dense columns, pass on more than they compute.
+# Most entries of updates that wait at once, for each entry of L, for which they are.
 MOST_WAITING = 12.0
 # Work for each row, and entries of L for each one of the matrix, from which on nested
-# dissection is tried, too: it saves nothing where there is hardly any fill.
+# dissection is tried, too.
 DEEP, FILL = 1e5, 4.0
 # Seconds for an entry that nested dissection takes, which cannot be interrupted.
 DISSECTION = 2.5e-6
@@ -70,10 +64,7 @@ def plan_lu(indptr: np.ndarray, indices: np.ndarray) -> Fronts:
 
 
 def best_order(indptr: np.ndarray, indices: np.ndarray, deadline: Deadline) -> Order:
-    """Return the order by minimum degree, or that by nested dissection if it is less.
-
-    Less work; the second one is tried only where it may be.
-    """
+    """Return the order by minimum degree, or nested dissection if that is less work."""
     order = minimum_degree(indptr, indices, deadline)
     if order.work <= DEEP * order.parent.size or order.entries < FILL * indices.size:
         return order

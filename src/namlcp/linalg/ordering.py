@@ -49,9 +49,9 @@ most that fraction of its entries are explicit zeros."""
 class Order(NamedTuple):
     """A fill-reducing order in which every column follows its descendants.
 
-    place has the new position of every row, parent the elimination tree in new
-    positions, counts the entries of L below the diagonal, in all `entries`. work: the
-    multiplications of a factorisation, about half of them in the updates.
+    place: the new position of every row; parent: the elimination tree, in new
+    positions; counts: the entries of L below the diagonal, in all `entries`; work: the
+    multiplications of a factorisation.
     """
 
     place: np.ndarray
@@ -179,7 +179,7 @@ def write_graph(g, indptr, indices):
 
 
 def eliminate_all(g, left, watch):
-    """Set all places, those of hubs last; False if that does not succeed."""
+    """Set all places, those of hubs last; False without memory or time."""
     done: cython.int = 0
     least: Py_ssize_t = 0  # no list of a smaller degree has members
     widest: Py_ssize_t = 0
@@ -238,7 +238,7 @@ def remove(g, i, d):
 
 
 def reserve(g, pivot):
-    """Make room in `adjacent` for the element of the pivot; False if there is none."""
+    """Make room in `adjacent` for the element of the pivot."""
     begin = g.start[pivot]
     most: Py_ssize_t = g.length[pivot]
     for p in range(begin, begin + g.elements[pivot]):
@@ -421,8 +421,8 @@ def link_all(g, pivot, left):
 def nested_dissection(indptr, indices):
     """Return METIS's `Order` of a matrix; None without pymetis (the extra `large`).
 
-    Separators come last (A. George, SIAM J. Numer. Anal. 10, 1973): for large matrices
-    without structure this causes less fill than minimum degree, in ten times the time.
+    For large matrices without structure this causes less fill than minimum degree, in
+    ten times the time (A. George, SIAM J. Numer. Anal. 10, 1973).
     """
     try:
         import pymetis  # here, because few problems are so large
