@@ -31,23 +31,17 @@ SHIFTS = 1e-8, 3.7e-8, 1.3e-7
 smaller shift makes smaller pivots, whose rounding errors would exceed it; the larger
 ones are tried where a pivot is 0 by rounding."""
 
-PROJECTIONS = 4
-"""Steps that project random vectors to the null space of K."""
-
-WIDTHS = 1, 4, 16, 64
-"""How many of them, until the null space has fewer dimensions; of one with more than
-the last a part is found."""
+PROJECTIONS, WIDTHS = 4, (1, 4, 16, 64)
+"""Steps that project random vectors to the null space of K; how many vectors, until the
+null space has fewer dimensions. Of one with more than 64 a part is found."""
 
 VANISHED = 1e-3
 """A projected unit vector with a norm below this over sqrt(order) counts as 0: a random
 one has a larger part in any null space."""
 
-NULL = 1e-6
-"""Projected vectors with singular values below this, relative to the largest, are
-multiples of the others."""
-
-ZERO_IMAGE = 1e-12
-"""Largest norm of K v, for K scaled and a unit vector v of its null space."""
+NULL, ZERO_IMAGE = 1e-6, 1e-12
+"""Least singular value of projected vectors, relative to the largest; largest norm of
+K v, for K scaled and a unit vector v of its null space."""
 
 
 def refined(
@@ -147,27 +141,25 @@ class KKTFactors:
     def __init__(self, kkt: KKT) -> None:
         self.kkt = kkt
         self.scale = np.ones(kkt.size)
-        self.values = kkt.base.copy()
-        equilibrate(kkt.indptr, kkt.indices, self.values, self.scale)
-        upper = self.values.copy()
+        values = kkt.base.copy()
+        equilibrate(kkt.indptr, kkt.indices, values, self.scale)
+        upper = values.copy()
         upper[kkt.diagonal] = 0.0
         self.triangle, self.upper = (
             from_arrays((kkt.indptr, kkt.indices, data), (kkt.size, kkt.size))
-            for data in (self.values, upper)
+            for data in (values, upper)
         )
-        if not any(self.factor(shift) for shift in SHIFTS):
+        for shift in SHIFTS:
+            kkt.data[:] = values
+            kkt.data[kkt.diagonal[: kkt.n]] += shift
+            kkt.data[kkt.diagonal[kkt.n :]] -= shift
+            if kkt.factor():
+                break
+        else:
             raise ValueError("the KKT matrix of the active constraints has no factors")
         self.basis = self.find_null_space()
         self.null_space = (self.basis * self.scale).T
         self.regular = not self.null_space.size
-
-    def factor(self, shift: float) -> bool:
-        """Factor K scaled + shift diag(I, -I); False if a pivot is 0 by rounding."""
-        kkt = self.kkt
-        kkt.data[:] = self.values
-        kkt.data[kkt.diagonal[: kkt.n]] += shift
-        kkt.data[kkt.diagonal[kkt.n :]] -= shift
-        return kkt.factor()
 
     def find_null_space(self) -> np.ndarray:
         """Return an orthonormal basis of the null space of K scaled, by rows.
