@@ -122,26 +122,25 @@ class KKTFactors:
     def __init__(self, kkt: KKT) -> None:
         self.kkt = kkt
         self.scale = np.ones(kkt.size)
-        self.values = kkt.base.copy()
-        equilibrate(kkt.indptr, kkt.indices, self.values, self.scale)
-        upper = self.values.copy()
+        values = kkt.base.copy()
+        equilibrate(kkt.indptr, kkt.indices, values, self.scale)
+        upper = values.copy()
         upper[kkt.diagonal] = 0.0
         self.triangle, self.upper = (
             from_arrays((kkt.indptr, kkt.indices, data), (kkt.size, kkt.size))
-            for data in (self.values, upper)
+            for data in (values, upper)
         )
-        if not any(self.factor(shift) for shift in SHIFTS):
+        for shift in SHIFTS:
+            kkt.data[:] = values
+            kkt.data[kkt.diagonal[: kkt.n]] += shift
+            kkt.data[kkt.diagonal[kkt.n :]] -= shift
+            if kkt.factor():
+                break
+        else:
             raise ValueError("the KKT matrix of the active constraints has no factors")
         self.basis = self.find_null_space()
         self.null_space = (self.basis * self.scale).T
         self.regular = not self.null_space.size
-
-    def factor(self, shift: float) -> bool:
-        kkt = self.kkt
-        kkt.data[:] = self.values
-        kkt.data[kkt.diagonal[: kkt.n]] += shift
-        kkt.data[kkt.diagonal[kkt.n :]] -= shift
-        return kkt.factor()
 
     def find_null_space(self) -> np.ndarray:
         """Return an orthonormal basis of the null space of K scaled, by rows.

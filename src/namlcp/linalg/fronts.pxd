@@ -3,11 +3,9 @@ from namlcp.limits cimport Watched
 
 cdef double WORTH
 cdef enum:
-    # Columns of a panel eliminated at a time, columns of L in one product, columns of an
-    # update that one product sets, multiplications up to which loops are faster to
-    # eliminate columns.
+    # Columns of a panel eliminated at a time, columns of an update that one product
+    # sets, multiplications up to which loops are faster to eliminate columns.
     BLOCK = 32
-    DEPTH = 256
     STRIP = 96
     SMALL = 6000
 
@@ -105,7 +103,6 @@ cdef bint stops(Watched watch, Desk *desk, double operations) noexcept nogil
 cdef void assemble(Fronts f, Py_ssize_t s, Py_ssize_t side) noexcept nogil
 cdef bint eliminate(Fronts f, Front v, Watched watch, Desk *desk) noexcept nogil
 cdef void solve_below(int m, int n, const double *U, const double *D, double *L, int ld) noexcept nogil
-cdef void complement(Fronts f, Py_ssize_t s, Py_ssize_t side, Watched watch, Desk *desk) noexcept nogil
 cdef void forward(Fronts f, Py_ssize_t s, Py_ssize_t end, Desk *desk) noexcept nogil
 cdef void backward(Fronts f, Py_ssize_t s, Desk *desk) noexcept nogil
 cdef void scale(const double *L, Py_ssize_t ld, const double *D, Py_ssize_t m, Py_ssize_t n, double *out) noexcept nogil

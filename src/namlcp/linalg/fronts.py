@@ -103,7 +103,7 @@ class Fronts(Factors):
         self.stack = stack_updates(self, longs(held, number))
         threads = threads if t.pieces > 1 else 1
         width: Py_ssize_t = f.max() + 3
-        room = max(((f - k) * np.minimum(k, DEPTH)).max(), BLOCK * f.max()) + width
+        room = max(((f - k) * k).max(), BLOCK * f.max()) + width
         stack, work = np.empty(self.stack), np.empty((threads, room))
         z = np.zeros((threads, n))
         t.stack = numbers(stack, self.stack)
@@ -334,8 +334,17 @@ def factor_front(f, s, watch, desk):
         assemble(f, s, side)
     if not eliminate(f, v, watch, desk):
         return False
+    # the update: what the children left less L D U of the rows below
+    beta = 1.0 if t.child[s] >= 0 else 0.0
     for side in range(f.sides):
-        complement(f, s, side, watch, desk)
+        if stops(watch, desk, v.k * v.u * v.u):
+            return False
+        L, U = v.panels[side] + v.k, v.panels[f.sides - 1 - side] + v.k
+        scale(L, v.f, f.D + v.first, v.u, v.k, desk.scaled)
+        subtract_product(
+            v.u, v.u, v.k, desk.scaled, U, v.f, beta,
+            v.update + side * v.u * v.u, v.u,
+        )  # fmt: skip
     return True
 
 
@@ -416,24 +425,6 @@ def solve_below(m, n, U, D, L, ld):
         inverse = 1.0 / D[p]
         for i in range(m):
             L[i + p * cast(Py_ssize_t, ld)] *= inverse
-
-
-def complement(f, s, side, watch, desk):
-    """Subtract L D U of the rows below from the update, a lower triangle."""
-    v = front_at(f, s)
-    L, U = v.panels[side] + v.k, v.panels[f.sides - 1 - side] + v.k
-    beta = 1.0 if f.t.child[s] >= 0 else 0.0
-    start: Py_ssize_t = 0
-    while start < v.k:
-        depth = min(DEPTH, v.k - start)
-        if stops(watch, desk, depth * v.u * v.u):
-            return
-        scale(L, v.f, f.D + v.first + start, v.u, depth, desk.scaled)
-        subtract_product(
-            v.u, v.u, depth, desk.scaled, U, v.f, beta,
-            v.update + side * v.u * v.u, v.u,
-        )  # fmt: skip
-        start, L, U, beta = start + DEPTH, L + DEPTH * v.f, U + DEPTH * v.f, 1.0
 
 
 # ---- solution

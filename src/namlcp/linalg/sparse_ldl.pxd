@@ -2,7 +2,6 @@ from namlcp.limits cimport Watched
 
 cdef double LEAST, LOOK_AFTER
 cdef enum:
-    CONSECUTIVE = 8
     SMALLEST_BLOCK = 16
     BEFORE_BLOCK = 20
 

@@ -26,11 +26,10 @@ import numpy as np
 from cython import Py_ssize_t
 from cython.cimports import numpy as cnp
 from cython.cimports.libc.math import isfinite
-from cython.cimports.namlcp.limits import Watched, is_over, raise_kept
 from cython.cimports.namlcp.linalg.arrays import data_of, new_vector, numbers, places
 from cython.cimports.namlcp.linalg.arrays import indices as longs_at
 from cython.cimports.namlcp.linalg.ordering import append_rows
-from cython.cimports.namlcp.linalg.vectors import subtract_sum
+from cython.cimports.namlcp.limits import Watched, is_over, raise_kept
 
 from namlcp.checks import refuse_size
 from namlcp.limits import NEVER, OutOfTime
@@ -42,7 +41,6 @@ cnp.import_array()
 LEAST = float(np.finfo(np.float64).tiny)
 # Operations after which the watch is told of them.
 LOOK_AFTER = 1e5
-# CONSECUTIVE: rows that a chunk must have for a test whether they are without gaps.
 # SMALLEST_BLOCK, BEFORE_BLOCK: columns that a dense block at the end of L must have to
 # be treated as one, and columns before it for each of its own.
 
@@ -280,17 +278,11 @@ def apply_four(f, i):
     y_3 = y[i + 3] - values[a + 2] * y_0 - values[b + 1] * y_1 - values[c] * y_2
     y[i], y[i + 1], y[i + 2], y[i + 3] = 0.0, 0.0, 0.0, 0.0
     a, b, c = a + 3, b + 2, c + 1
-    if rows >= CONSECUTIVE and below[d + rows - 1] - below[d] + 1 == rows:
-        subtract_sum(
-            y_0, values + a, y_1, values + b, y_2, values + c, y_3, values + d,
-            y + below[d], rows,
+    for s in range(rows):
+        y[below[d + s]] -= (
+            values[a + s] * y_0 + values[b + s] * y_1
+            + values[c + s] * y_2 + values[d + s] * y_3
         )  # fmt: skip
-    else:
-        for s in range(rows):
-            y[below[d + s]] -= (
-                values[a + s] * y_0 + values[b + s] * y_1
-                + values[c + s] * y_2 + values[d + s] * y_3
-            )  # fmt: skip
     l_0, l_1 = y_0 * inverse[i], y_1 * inverse[i + 1]
     l_2, l_3 = y_2 * inverse[i + 2], y_3 * inverse[i + 3]
     values[a + rows] = l_0

@@ -2,12 +2,9 @@
 
 "Scaled" refers to the problem with a unit diagonal. F is the set of free unknowns,
 state 0. Sparse symmetric systems are factored by L D L' where that takes less time, all
-others by dense Cholesky or LU.
-
-L D L' is that of Davis, "Algorithm 849: LDL", ACM TOMS 31 (2005) 587-591, read from the
-columns of the whole matrix: row k of L is a sparse triangular solve along the
-elimination tree. An elimination order of the whole matrix, restricted to a submatrix,
-causes no more fill there than in the matrix: one order serves all.
+others by dense Cholesky or LU. L D L' is row by row, as in `sparse_ldl`, but read from
+the columns of the whole matrix. An elimination order of the whole matrix, restricted to
+a submatrix, causes no more fill there than in the matrix: one order serves all.
 """
 
 import cython
@@ -69,7 +66,7 @@ class Pivoting(Watched):
         return best_point(self, numbers(lower, self.n), numbers(upper, self.n))
 
     def vector(self, k):
-        """Return vector k as `allocate` lays them out, a view."""
+        """Return a view of vector k as `allocate` lays them out."""
         return self.memory[k * self.n : (k + 1) * self.n]
 
     def state(self):
@@ -87,7 +84,6 @@ def flags(m, count):
 
 
 def allocate(m):
-    """Allocate the memory for n and `entries`, with zeros, and no place in a system."""
     n = m.n
     size = 10 * n + m.entries + 11 * ((n + 1) // 2)
     m.memory = new_vector(size)
@@ -229,7 +225,6 @@ def gather(m, out):
 
 
 def factor_dense(m):
-    """Tell what `factor_free` does."""
     M, count = m.dense, m.count
     gather(m, M)
     if not m.symmetric:
@@ -249,10 +244,7 @@ def factor_dense(m):
 
 
 def analyse(m):
-    """Set the elimination tree and the entries of the columns of L.
-
-    Returns the number of flops of the factorisation.
-    """
+    """Set the elimination tree and the counts of L; return the flops to factor."""
     order, local, parent, counts, flag = m.order, m.local, m.parent, m.counts, m.flag
     for k in range(m.count):
         parent[k] = -1
@@ -275,10 +267,7 @@ def analyse(m):
 
 
 def factor_sparse(m):
-    """Factor, with pivots below `PIVOT_FLOOR` raised to it.
-
-    Returns the smallest pivot before that; clearly negative means indefinite.
-    """
+    """Factor, with pivots below `PIVOT_FLOOR` raised to it; return the smallest one."""
     y, ends, rows, values, D = m.y, m.ends, m.rows, m.L, m.D
     local, parent, pattern, flag = m.local, m.parent, m.pattern, m.flag
     count = m.count
