@@ -7,11 +7,16 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import LinearOperator
 
-from namlcp.checks import finite_square_matrix, number_or_vector, refuse_number
+from namlcp.checks import (
+    as_sparse,
+    finite_square_matrix,
+    number_or_vector,
+    refuse_number,
+)
+from namlcp.entries import transposed
 from namlcp.lcp.loops import row_sums, two_colours
 from namlcp.lcp.tridiagonal import read_rows
 from namlcp.linalg.arrays import stamp_of_arrays
-from namlcp.linalg.columns import Columns, columns_of
 from namlcp.linalg.csc import arrays_of
 from namlcp.linalg.definite import is_symmetric
 
@@ -20,6 +25,8 @@ DIAGONAL_ROUNDING = 1e-10
 # Order up to which matrices are factored as dense ones, and share of entries that are
 # not 0 from which on larger ones are, too.
 DENSE_ORDER, SPARSE = 250, 0.125
+# Largest order of a sparse matrix that pivoting always takes as a dense one.
+SMALL_ORDER = 24
 # Largest |u'Av - v'Au| that counts as zero for two fixed random vectors, relative to
 # |u||Av| + |v||Au|: it allows for products in single precision.
 SYMMETRIC = 1e-7
@@ -144,8 +151,24 @@ class Prepared:
         return A.toarray() if n <= DENSE_ORDER or A.nnz >= SPARSE * n * n else A
 
     @cached_property
-    def columns(self) -> Columns:
-        return columns_of(self.A, self.symmetric)
+    def columns(self) -> Any:
+        """Its columns for pivoting: rows of a dense array, or the arrays of CSC.
+
+        Columns, as a change of one unknown adds a multiple of its own one to w. Those
+        of a symmetric matrix are its rows, so that no copy is made.
+        """
+        A, n = self.A, self.n
+        if isinstance(A, np.ndarray):
+            is_dense = n <= 4 * SMALL_ORDER or np.count_nonzero(A) >= n * n // 8
+            A = A if is_dense else as_sparse(A)
+        else:
+            is_dense = n <= SMALL_ORDER or A.nnz > n * n // 4
+            A = A.toarray() if is_dense else A
+        if is_dense:
+            return np.ascontiguousarray(A if self.symmetric else A.T)
+        if not self.symmetric and A.format == "csr":
+            return transposed(*arrays_of(A), n)
+        return arrays_of(A)
 
     @cached_property
     def dominance(self) -> float:

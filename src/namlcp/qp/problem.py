@@ -9,6 +9,7 @@ from scipy.linalg.lapack import dpotrf
 
 from namlcp.checks import (
     INFINITE,
+    LEAST_DIVISOR,
     as_sparse,
     constant,
     finite_square_matrix,
@@ -22,7 +23,6 @@ from namlcp.checks import (
 )
 from namlcp.limits import NEVER, Deadline
 from namlcp.linalg import (
-    LEAST_DIVISOR,
     PSD_SLACK,
     arrays_of,
     as_dense,

@@ -20,9 +20,10 @@ from cython.cimports.namlcp.linalg.minimum_degree import order_by_degree
 from cython.cimports.namlcp.linalg.vectors import copy, fill
 from cython.cimports.namlcp.watch import Watched, begin_watch
 
-from namlcp.linalg import columns, definite
+from namlcp.lcp import prepared
+from namlcp.linalg import definite
 
-SMALL_ORDER, PSD_SLACK = columns.SMALL_ORDER, definite.PSD_SLACK
+SMALL_ORDER, PSD_SLACK = prepared.SMALL_ORDER, definite.PSD_SLACK
 
 # Added to the unit diagonal where Cholesky fails, so that a singular A_FF succeeds.
 JITTER = 1e-11
@@ -42,15 +43,17 @@ class Pivoting(Watched):
 
         z, the start, may be empty; until: a value of time.perf_counter().
         """
-        dense, indptr, indices, data = self.given = columns
         q, lower, upper, start = vectors
         n: cython.Py_ssize_t = q.size
-        self.n, self.symmetric, self.is_dense = n, symmetric, dense.shape[0] == n
+        self.n, self.symmetric, self.given = n, symmetric, columns
+        self.is_dense = not isinstance(columns, tuple)
         begin_watch(self, until)
-        self.entries = n * n if self.is_dense else indices.size
         if self.is_dense:
-            self.values = numbers(dense, self.entries)
+            self.entries = n * n
+            self.values = numbers(columns, self.entries)
         else:
+            indptr, indices, data = columns
+            self.entries = indices.size
             self.values = numbers(data, self.entries)
             self.indptr = places(indptr, n + 1)
             self.indices = places(indices, self.entries)
