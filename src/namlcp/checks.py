@@ -31,6 +31,9 @@ INFINITE = 0.999e20
 """Bounds of at least this modulus mean "no bound". The QP collections write 1e20, and
 some of these numbers have become slightly smaller by scaling."""
 
+LEAST_DIVISOR = 1e-300
+"""What a divisor >= 0 is raised to if it is smaller, so that 0 over it is 0."""
+
 
 def clean_copy(array: np.ndarray) -> np.ndarray:
     """Return `array`, copied unless it is C-contiguous, writeable and of float64."""

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from namlcp.checks import (
+    LEAST_DIVISOR,
     constant,
     number_or_vector,
     refuse_number,
@@ -16,7 +17,6 @@ from namlcp.checks import (
 from namlcp.lcp.loops import MOST_SMALL, affine, is_ordinary
 from namlcp.lcp.prepared import Prepared
 from namlcp.limits import Limits
-from namlcp.linalg.definite import LEAST_DIVISOR
 from namlcp.measure import are_met, natural_residuals
 from namlcp.residuals import natural_residual
 from namlcp.status import Outcome, Status

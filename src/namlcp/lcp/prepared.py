@@ -25,7 +25,7 @@ DIAGONAL_ROUNDING = 1e-10
 # Order up to which matrices are factored as dense ones, and share of entries that are
 # not 0 from which on larger ones are, too.
 DENSE_ORDER, SPARSE = 250, 0.125
-# Largest order of a sparse matrix whose columns, and those of free systems, are dense.
+# Largest order of a sparse matrix that pivoting always takes as a dense one.
 SMALL_ORDER = 24
 # Largest |u'Av - v'Au| that counts as zero for two fixed random vectors, relative to
 # |u||Av| + |v||Au|: it allows for products in single precision.
@@ -152,11 +152,11 @@ class Prepared:
         return A.toarray() if n <= DENSE_ORDER or A.nnz >= SPARSE * n * n else A
 
     @cached_property
-    def columns(self) -> tuple[np.ndarray, ...]:
-        """(dense, indptr, indices, data) for `lcp.pivoting`, one of two forms empty.
+    def columns(self) -> Any:
+        """Its columns for pivoting: rows of a dense array, or the arrays of CSC.
 
-        A change of one unknown changes A z by a multiple of its column. Row j of
-        `dense`, or of the CSR arrays, is column j of A: no copy if A is symmetric.
+        Columns, as a change of one unknown adds a multiple of its own one to w. Those
+        of a symmetric matrix are its rows, so that no copy is made.
         """
         A, n = self.A, self.n
         if isinstance(A, np.ndarray):
@@ -166,12 +166,10 @@ class Prepared:
             is_dense = n <= SMALL_ORDER or A.nnz > n * n // 4
             A = A.toarray() if is_dense else A
         if is_dense:
-            none = *np.empty((2, 0), np.int32), np.empty(0)
-            return np.ascontiguousarray(A if self.symmetric else A.T), *none
-        parts = arrays_of(A)
+            return np.ascontiguousarray(A if self.symmetric else A.T)
         if not self.symmetric and A.format == "csr":
-            parts = transposed(*parts, n)
-        return np.empty((0, 0)), *parts
+            return transposed(*arrays_of(A), n)
+        return arrays_of(A)
 
     @cached_property
     def dominance(self) -> float:

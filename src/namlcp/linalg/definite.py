@@ -15,9 +15,6 @@ PSD_SLACK = 1e-6
 """Negative curvature of a matrix with unit diagonal that may be due to the rounding of
 its data to single precision."""
 
-LEAST_DIVISOR = 1e-300
-"""What a divisor >= 0 is raised to if it is smaller, so that 0 over it is 0."""
-
 SYMMETRY_ROUNDING = 1e-14
 """Largest |A - A'|, relative to max |A|, that rounding in double precision explains."""
 

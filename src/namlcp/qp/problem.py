@@ -9,6 +9,7 @@ from scipy.linalg.lapack import dpotrf
 
 from namlcp.checks import (
     INFINITE,
+    LEAST_DIVISOR,
     as_sparse,
     constant,
     finite_square_matrix,
@@ -23,7 +24,6 @@ from namlcp.checks import (
 from namlcp.limits import NEVER, Deadline
 from namlcp.linalg.csc import arrays_of, as_dense, unit_triangle
 from namlcp.linalg.definite import (
-    LEAST_DIVISOR,
     PSD_SLACK,
     asymmetry,
     has_positive_pivots,

@@ -1,31 +1,38 @@
-"""Interior paths: Mehrotra's, that of a linear program, and Lemke's homotopy.
+"""Interior paths: Mehrotra's, of a linear program, Lemke's homotopy; proximal steps.
 
-*Mehrotra's.* Each step has one factorisation, of M + diag(m/g), for a predictor that
-aims at the products g_k m_k = 0 and a corrector that aims at their centre. (Further
-correctors save a tenth of the steps, but no time.) `mehrotra` follows the path of an
-LCP with a matrix of any kind from a fixed, infeasible start. It solves most friction
-problems in 10 to 25 steps; where M is not monotone it promises nothing, and may jam
-where `arc` would have to turn. `farkas` follows that of a linear program, whose
-solution may prove that an LCP has none.
+*Mehrotra's* (SIAM J. Optim. 2 (1992) 575-601). Each step has one factorisation, of M +
+diag(m/g), for a predictor that aims at the products g_k m_k = 0 and a corrector that
+aims at their centre. (Further correctors save a tenth of the steps, but no time.)
+`mehrotra` follows the path of an LCP with a matrix of any kind from a fixed, infeasible
+start. It solves most friction problems in 10 to 25 steps; where M is not monotone it
+promises nothing, and may jam where `arc` would have to turn. `farkas` follows that of a
+linear program, whose solution may prove that an LCP has none.
 
 *Lemke's homotopy as a smooth curve.* The curve of all (p, m, t) with positive gaps g,
 multipliers m and
 
-    M p + c + t d = sum of sign_k m_k,    g_k m_k = t a_k                      (1)
+    M p + c + t d = sum of sign_k m_k,    g_k m_k = t a_k
 
 starts at a point of our choice with t = 1, which defines d and a > 0. For a copositive
 M with d > 0, and c'v >= 0 wherever v >= 0 has v'M v = 0, p stays bounded while t does,
 so that the curve leads to t = 0, a solution, as Lemke's path of pivots does (Cottle,
 Pang, Stone: The Linear Complementarity Problem, 1992, section 4.4). Its t turns where
-the determinant of M + diag(m / g) changes its sign, the orientation of the curve.
+the determinant of M + diag(m / g) changes its sign, the orientation of the curve. A
+point off the curve is given up for an earlier one and a shorter step, from a stack.
 
-A step uses relative changes of gaps and multipliers: U along the curve per unit of
-log t, V back to it, both from one factorisation. A point off the curve is given up for
-an earlier one and a shorter step, from a stack.
+*Proximal steps.* For symmetric semidefinite matrices they go on from the end of a path
+where many pairs of p and F are nearly (0, 0), so that pivoting does not find the face.
+A step from c seeks x = clip(s) with F = M x + b, s = c - F / rho; this x minimises the
+convex function
 
-References
-----------
-Mehrotra, SIAM J. Optim. 2 (1992) 575-601.
+    phi(x) = 1/2 x'M x + rho/2 (|| s ||^2 - || s - clip(s) ||^2)
+
+(an augmented Lagrangian of the problem that has x for multipliers), whose gradient is
+M (x - clip(s)). Newton's step solves the equations of the unknowns with s inside its
+bounds; with an exact line search (Hermans, Themelis and Patrinos, Math. Program.
+Comput. 14 (2022) 497-541) it converges from every start (Li, Sun and Toh, SIAM J.
+Optim. 28 (2018) 433-458). Along it phi' = -rho (s_1 - s_0)'(x - clip(s)) is piecewise
+linear.
 """
 
 import math
@@ -38,7 +45,7 @@ from scipy import sparse
 from namlcp.lcp.data import LCP
 from namlcp.lcp.general.cones import Condensed, System
 from namlcp.lcp.general.distances import Distances
-from namlcp.lcp.shifted import Shifted
+from namlcp.lcp.shifted import HELD, Shifted
 
 # Added to the unit diagonal, so that a singular matrix can be factored; steps at most.
 SHIFT, STEPS = 1e-11, 100
@@ -66,6 +73,12 @@ NEAR, FAR, LOST, SHORTER = 0.05, 0.2, 1.0, 0.3
 KEPT = 3
 # Entry of p, relative to max |c_i| = 1, and t, at which the path ends.
 FAR_AWAY, LARGE_T = 1e10, 1e4
+# Of proximal steps: change of p, relative to the largest p and to max |c_i| = 1, that
+# counts as 0; rho, relative to the unit diagonal, of the first one, its factor to the
+# next, its least value; Newton's steps at most; bisections of [0, 1] for phi' = 0.
+ROUNDING = 1e-13
+RHO, FALL, LEAST_RHO = 1e-5, 0.1, 1e-8
+NEWTON_STEPS, BISECTIONS = 200, 40
 
 
 class PathPoint(NamedTuple):
@@ -275,3 +288,52 @@ def arc(model: Distances, system: System) -> Iterator[np.ndarray]:
         h = stack[-1].h
         at, t = stack[-1].move()
     yield at.p
+
+
+# ---- proximal steps
+
+
+def proximal_steps(
+    model: Distances, system: System, p: np.ndarray
+) -> Iterator[np.ndarray]:
+    """Yield the points of Newton's steps from p, one factorisation each."""
+    lower, upper = model.lower, model.upper
+    centre, x, rho = p, p, RHO
+    s = centre - model.F(x) / rho
+    for _ in range(NEWTON_STEPS):
+        free = (lower < s) & (s < upper)
+        start = np.where(free, centre, np.clip(s, lower, upper))
+        factors = system.factors(np.where(free, rho, HELD))
+        if factors is None:
+            return
+        dx = start + factors.solve(np.where(free, -model.F(start), 0.0)) - x
+        end = np.where(free, x + dx, start)
+        F = model.F(end)
+        ds = np.where(free, end, centre - F / rho) - s
+        step = least_phi(model, x, end - x, s, ds)
+        x, s = x + step * (end - x), s + step * ds
+        yield np.clip(x, lower, upper)
+        zero = ROUNDING * max(1.0, float(np.abs(x).max(initial=0.0)))
+        slack = np.where(free, zero, -ROUNDING / rho)
+        inside = (lower - slack < s) & (s < upper + slack)
+        if step == 1.0 and (inside == free).all():
+            centre, rho = x, max(FALL * rho, LEAST_RHO)
+            s = centre - F / rho
+
+
+def least_phi(
+    model: Distances, x: np.ndarray, dx: np.ndarray, s: np.ndarray, ds: np.ndarray
+) -> float:
+    """Return the step up to 1 at which phi is least."""
+
+    def rises(step: float) -> bool:
+        at = s + step * ds
+        return bool(ds @ (x + step * dx - np.clip(at, model.lower, model.upper)) < 0.0)
+
+    below, above = 0.0, 1.0
+    if not rises(1.0):
+        return 1.0
+    for _ in range(BISECTIONS):
+        step = 0.5 * (below + above)
+        below, above = (below, step) if rises(step) else (step, above)
+    return above

@@ -14,8 +14,7 @@ from scipy import sparse
 from namlcp.lcp.data import LCP, Criterion, is_solved_by_zero
 from namlcp.lcp.general.cones import system_of
 from namlcp.lcp.general.distances import Distances, Plain
-from namlcp.lcp.general.paths import arc, farkas, mehrotra
-from namlcp.lcp.general.proximal import proximal_steps
+from namlcp.lcp.general.paths import arc, farkas, mehrotra, proximal_steps
 from namlcp.lcp.pivoting.driver import Attempt
 from namlcp.lcp.pivoting.rays import proof
 from namlcp.lcp.shifted import Shifted

@@ -23,13 +23,13 @@ import math
 
 import numpy as np
 
+from namlcp.checks import LEAST_DIVISOR
 from namlcp.lcp.data import LCP, Criterion
 from namlcp.lcp.loops import relax
 from namlcp.lcp.multigrid.hierarchy import Hierarchy, VCycle, hierarchy_of
 from namlcp.lcp.multigrid.kernels import free_product
 from namlcp.limits import Deadline, Limits
 from namlcp.linalg.csc import arrays_of
-from namlcp.linalg.definite import LEAST_DIVISOR
 from namlcp.residuals import natural_residual
 from namlcp.status import Outcome, Status
 

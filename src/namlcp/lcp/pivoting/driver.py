@@ -122,7 +122,7 @@ class Attempt(Pivoting):
                 lower, upper = self.lcp.lower, self.lcp.upper
                 self.member = lower < upper if self.symmetric else free
                 rows = np.flatnonzero(self.member)
-                _, indptr, indices, _ = self.lcp.matrix.columns
+                indptr, indices, _ = self.lcp.matrix.columns
                 scaled = self.memory[10 * free.size :][: self.entries]
                 A = sparse.csc_array((scaled, indices, indptr))
                 A = submatrix(A, rows, rows)

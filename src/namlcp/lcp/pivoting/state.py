@@ -40,15 +40,17 @@ class Pivoting(Watched):
 
         z, the start, may be empty; until: a value of time.perf_counter().
         """
-        dense, indptr, indices, data = self.given = columns
         q, lower, upper, start = vectors
         n: cython.Py_ssize_t = q.size
-        self.n, self.symmetric, self.is_dense = n, symmetric, dense.shape[0] == n
+        self.n, self.symmetric, self.given = n, symmetric, columns
+        self.is_dense = not isinstance(columns, tuple)
         begin_watch(self, until)
-        self.entries = n * n if self.is_dense else indices.size
         if self.is_dense:
-            self.values = numbers(dense, self.entries)
+            self.entries = n * n
+            self.values = numbers(columns, self.entries)
         else:
+            indptr, indices, data = columns
+            self.entries = indices.size
             self.values = numbers(data, self.entries)
             self.indptr = places(indptr, n + 1)
             self.indices = places(indices, self.entries)

@@ -72,7 +72,6 @@ from cython.cimports.namlcp.qp.active.engine import (
 )
 
 from namlcp import checks
-from namlcp.linalg import definite
 
 # A point is refined until its residuals over the moduli of their terms are at most
 # ACCURATE, and within tolerance by ROUNDING of these moduli, which the sums may have
@@ -81,7 +80,7 @@ ACCURATE, ROUNDING = 1e-12, 4e-15
 # The factor by which each of the CORRECTIONS has to lower the error.
 GAIN = 0.5
 # In place of 0 where a size is divided by; what is infinite beside sides of about 1.
-LEAST_DIVISOR, INFINITE = definite.LEAST_DIVISOR, checks.INFINITE
+LEAST_DIVISOR, INFINITE = checks.LEAST_DIVISOR, checks.INFINITE
 # Dual residual over its terms that shows a multiplier of the wrong sign.
 WRONG = 1e-14
 # rho over that power of 16, if no other is asked for; the value of m.wanted without any
