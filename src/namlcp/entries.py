@@ -11,7 +11,6 @@ MOST_ENTRIES = 2**31 - 1
 
 
 def refuse_size(name, entries):
-    """Raise a MemoryError where there are more entries than int32 can count."""
     if entries > MOST_ENTRIES:
         raise MemoryError(
             f"{name} would have {entries:.1e} entries of {8e-9 * entries:.0f} GB, "

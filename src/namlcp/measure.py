@@ -252,7 +252,6 @@ def natural_squares(z, w, lower, upper):
 
 
 def natural_residuals(z, w, lower, upper, d):
-    """Return Res of this LCP, and of the one with z and bounds times d, w over d."""
     n: cython.Py_ssize_t = z.size
     a, b, unit = numbers(z, n), numbers(w, n), numbers(d, n)
     l, u = numbers(lower, n), numbers(upper, n)

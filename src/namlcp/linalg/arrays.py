@@ -21,7 +21,6 @@ def fits(value, ndim):
 
 
 def are_places(value):
-    """Tell whether a value has indices that can go to compiled code as they are."""
     return _is_clean(value, cnp.NPY_INT32, 1)
 
 
@@ -42,7 +41,6 @@ def _is_clean(value, kind, ndim):
 
 
 def new_zeros(rows, columns):
-    """Return a matrix of zeros."""
     shape = cython.declare(cnp.npy_intp[2])
     shape[0], shape[1] = rows, columns
     return cnp.PyArray_ZEROS(2, shape, cnp.NPY_DOUBLE, 0)
@@ -61,12 +59,10 @@ def data_of(array):
 
 
 def numbers(array, size):
-    """Return where the `size` doubles of an array are."""
     return cython.cast(cython.p_double, _entries(array, cnp.NPY_DOUBLE, size))
 
 
 def places(array, size):
-    """Return where the `size` indices of a sparse matrix are."""
     return cython.cast(cython.p_int, _entries(array, cnp.NPY_INT32, size))
 
 
@@ -76,7 +72,6 @@ def indices(array, size):
 
 
 def signs(array, size):
-    """Return where the `size` bytes of an array are."""
     return cython.cast(cython.p_schar, _entries(array, cnp.NPY_INT8, size))
 
 

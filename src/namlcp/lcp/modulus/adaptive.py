@@ -101,7 +101,6 @@ class AdaptiveStep(Step):
     """
 
     def __init__(self, lcp: LCP, name: str, parameters: Parameters):
-        """Check the other parameters."""
         self.lcp, self.method, matrix = lcp, SWEEPS[name], lcp.matrix
         D = self.D = positive_diagonal(lcp.A, name)
         alpha, beta, omega, shift = parameters
@@ -239,7 +238,6 @@ class AdaptiveStep(Step):
         return max(self.best_p(g) - t, SMALL_C, self.least_c(t, g, G))
 
     def factored_c(self) -> float:
-        """Return c for a method with M = A."""
         a, b = self.low, self.high
         if not self.method.own:
             skew = 1.0 if self.lcp.matrix.symmetric else NONSYMMETRIC

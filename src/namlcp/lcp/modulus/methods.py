@@ -105,7 +105,6 @@ class Parameters(NamedTuple):
 
 
 def positive_diagonal(A: Any, method: str) -> np.ndarray:
-    """Return D = diag(A); raise if it is not positive."""
     D = np.array(A.diagonal())
     wrong = np.flatnonzero(~(D > 0.0))
     if wrong.size:
