@@ -10,7 +10,6 @@ from namlcp.linalg.csc import (
     arrays_of,
     as_dense,
     by_rows,
-    is_clean_csc,
     submatrix,
     times,
     unit_triangle,
