@@ -65,7 +65,6 @@ def real_array(name: str, value: Any) -> np.ndarray:
 
 
 def not_real(name: str, came: str) -> TypeError:
-    """Return the error of an argument that is no array of real numbers."""
     return TypeError(f"{name} must be an array of real numbers, got {came}")
 
 
@@ -240,7 +239,6 @@ def matrix(name: str, value: Any, layout: str) -> Any:
 
 
 def finite_square_matrix(name: str, value: Any, layout: str) -> Any:
-    """Return `value` as `matrix` does; raise unless it is square, all of it finite."""
     C = matrix(name, value, layout)
     rows, columns = C.shape
     if rows != columns:
@@ -276,7 +274,6 @@ def without_huge(bounds: np.ndarray, sign: float) -> np.ndarray:
 
 
 def as_sparse(C: Any) -> Any:
-    """Return a clean matrix as a clean sparse one."""
     if type(C) is not np.ndarray:
         return C
     refuse_size("a dense matrix as a sparse one", C.size)

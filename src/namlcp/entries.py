@@ -11,7 +11,6 @@ MOST_ENTRIES = 2**31 - 1
 
 
 def refuse_size(name, entries):
-    """Raise a MemoryError where there are more entries than int32 can count."""
     if entries > MOST_ENTRIES:
         raise MemoryError(
             f"{name} would have {entries:.1e} entries of {8e-9 * entries:.0f} GB, "
@@ -135,23 +134,20 @@ def transposed(indptr, indices, data, rows):
 def compressed(C):
     """Return the CSC arrays (indptr, indices, data) of a dense matrix."""
     rows, columns = C.shape[0], C.shape[1]
+    count = np.count_nonzero(C)
     starts = np.zeros(columns + 1, np.int32)
+    places, entries = np.empty(count, np.int32), np.empty(count)
     indptr: cython.int[::1] = starts
-    for i in range(rows):
-        for j in range(columns):
-            indptr[j] += C[i, j] != 0.0
-    for j in range(columns):  # indptr[j] is the end of column j, then its beginning
-        indptr[j + 1] += indptr[j]
-    places, entries = np.empty(indptr[columns], np.int32), np.empty(indptr[columns])
     indices: cython.int[::1] = places
     data: cython.double[::1] = entries
-    for i in range(rows - 1, -1, -1):
-        for j in range(columns):
+    k: Py_ssize_t = 0
+    for j in range(columns):
+        for i in range(rows):
             if C[i, j] != 0.0:
-                k = indptr[j] - 1
                 indices[k] = i
                 data[k] = C[i, j]
-                indptr[j] = k
+                k += 1
+        indptr[j + 1] = k
     return starts, places, entries
 
 

@@ -37,7 +37,6 @@ class Deadline:
         return time.perf_counter() + seconds >= self.at
 
     def check(self, seconds=0.0):
-        """Raise OutOfTime where `reached`."""
         if self.reached(seconds):
             raise OutOfTime
 
@@ -61,7 +60,6 @@ class Limits(NamedTuple):
 
     @property
     def tolerances(self):
-        """The pair (eps_abs, eps_rel)."""
         return self[:2]
 
 
@@ -73,7 +71,6 @@ class Watched:
 
 
 def begin_watch(m, until):
-    """Begin to look at the clock; until: a value of time.perf_counter()."""
     m.since, m.until, m.over, m.interrupted = 0.0, until, False, False
 
 

@@ -73,7 +73,6 @@ class Options:
     infeasible: "str | Relaxation" = CERTIFICATE
 
     def __post_init__(self) -> None:
-        """Raise a TypeError or ValueError that names the first wrong option."""
         check_number("eps_abs", self.eps_abs, closed=True, finite=True)
         check_number("eps_rel", self.eps_rel, closed=True, finite=True)
         if self.eps_abs == 0.0 and self.eps_rel == 0.0:
@@ -153,7 +152,6 @@ class Relaxation:
     ub: Any = math.inf
 
     def __post_init__(self) -> None:
-        """Raise a TypeError or ValueError that names the first wrong field."""
         if self.norm not in (1, 2):
             raise ValueError(f"Relaxation.norm must be 1 or 2, got {self.norm!r}")
         for side in SIDES:
@@ -181,7 +179,6 @@ def relaxation_of(infeasible: object) -> Relaxation | None:
 
 
 def check_names(settings: Mapping[str, Any]) -> None:
-    """Raise a TypeError for the first name that is no option."""
     known = sorted(field.name for field in fields(Options))
     for name in settings:
         if name in ("l", "u"):
@@ -196,7 +193,6 @@ def check_names(settings: Mapping[str, Any]) -> None:
 
 
 def nearest(name: str, known: Collection[str]) -> str | None:
-    """Return the name that is written much like this one, None if none is."""
     close = {k: SequenceMatcher(None, name, k).ratio() for k in known}
     best = max(close, key=lambda k: close[k])
     return best if close[best] >= 0.5 else None
@@ -218,7 +214,6 @@ def check_number(
 
 
 def check_count(name: str, value: Any) -> None:
-    """Raise unless `value` is an integer >= 1."""
     check_kind(name, value, numbers.Integral, "an integer")
     if value < 1:
         raise ValueError(f"{name} must be >= 1, got {value!r}")
@@ -233,7 +228,6 @@ def check_kind(name: str, value: Any, kind: type, what: str) -> None:
 
 
 def check_flag(name: str, value: Any) -> None:
-    """Raise unless `value` is True or False."""
     if not isinstance(value, (bool, np.bool_)):
         raise TypeError(f"{name} must be True or False, got {value!r}")
 

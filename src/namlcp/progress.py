@@ -39,7 +39,6 @@ class Progress:
         self.last = self.start  # time of the last printed row
 
     def say(self, text: str) -> None:
-        """Print one line if verbose."""
         if self.verbose:
             print(text, flush=True)
 
@@ -56,7 +55,6 @@ class Progress:
             self.show(row)
 
     def show(self, row: tuple) -> None:
-        """Print a row."""
         self.last = time.perf_counter()
         cells = (
             f"{value:10d}" if name in COUNTS else f"{value:10.2e}"
@@ -77,7 +75,6 @@ class Progress:
         self.say(f"{answer.status}: {ending}")
 
     def history(self) -> np.ndarray:
-        """Return the rows as a structured array with the printed columns."""
         kinds = [(name, "i8" if name in COUNTS else "f8") for name in self.columns]
         return np.array(self.rows, dtype=kinds)
 

@@ -154,7 +154,6 @@ class Stack:
 
 
 def lead_of(name: str, part: np.ndarray) -> tuple[int, ...]:
-    """Return the leading axes of an argument."""
     if part.ndim < AXES[name]:
         raise ValueError(
             f"{name} must have at least {AXES[name]} axes, got shape {part.shape}"

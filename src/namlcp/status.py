@@ -66,7 +66,6 @@ class Status(StrEnum):
     )
 
     def __new__(cls, value: str, explanation: str) -> "Status":
-        """Make a member with its value and its explanation."""
         member = str.__new__(cls, value)
         member._value_ = value
         member.explanation = explanation

@@ -100,7 +100,6 @@ class Scene(NamedTuple):
 
     @property
     def rough(self) -> np.ndarray:
-        """The contacts with friction."""
         return np.flatnonzero(self.contacts.mu > 0.0)
 
     def jacobian(self) -> sp.csr_array:
@@ -126,7 +125,6 @@ class Scene(NamedTuple):
         return sp.csr_array(total)
 
     def inverse_mass(self) -> np.ndarray:
-        """Return 1 / M by degree of freedom."""
         mass, inertia = self.bodies.mass, self.bodies.inertia
         M = np.column_stack((mass, mass, mass, inertia))
         return 1.0 / M[:, self.freedom].ravel()
@@ -196,7 +194,6 @@ def friction_lcp(scene: Scene) -> tuple[sp.csr_array, np.ndarray]:
 
 
 def check_scene(scene: Scene) -> None:
-    """Raise where a scene has no meaning."""
     k, m, count = len(scene.bodies.mass), len(scene.contacts.mu), scene.directions
     shapes = {"Bodies": [(k, 3), (k,), (k, 3), (k, 6)]}
     shapes["Contacts"] = [(m,), (m,), (m, 3), (m, 3), (m,), (m,)]
@@ -226,7 +223,6 @@ def check_scene(scene: Scene) -> None:
 
 
 def refuse(words: str, wrong: np.ndarray, values: np.ndarray) -> None:
-    """Raise a ValueError for the first value that is wrong."""
     if wrong.any():
         i = int(np.argmax(wrong))
         raise ValueError(f"{words}, got {values[i]:g} at ({i})")

@@ -225,7 +225,6 @@ def splitting(A: Any, method: str, parameters: Parameters) -> Splitting:
 
 
 def undecided(checked: str = "") -> Verdict:
-    """Return the verdict of a theorem that does not apply."""
     return Verdict(None, "no theorem applies", checked)
 
 
@@ -318,7 +317,6 @@ def positive_definite(A: Any) -> str:
 
 
 def dense_parts(parts: Splitting) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return M + Omega, N and Omega - A as dense arrays."""
     Omega = np.diag(parts.omega)
     return parts.M.toarray() + Omega, parts.N.toarray(), Omega - parts.A.toarray()
 

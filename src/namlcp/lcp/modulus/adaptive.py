@@ -101,7 +101,6 @@ class AdaptiveStep(Step):
     """
 
     def __init__(self, lcp: LCP, name: str, parameters: Parameters):
-        """Check the other parameters."""
         self.lcp, self.method, matrix = lcp, SWEEPS[name], lcp.matrix
         D = self.D = positive_diagonal(lcp.A, name)
         alpha, beta, omega, shift = parameters
@@ -239,7 +238,6 @@ class AdaptiveStep(Step):
         return max(self.best_p(g) - t, SMALL_C, self.least_c(t, g, G))
 
     def factored_c(self) -> float:
-        """Return c for a method with M = A."""
         a, b = self.low, self.high
         if not self.method.own:
             skew = 1.0 if self.lcp.matrix.symmetric else NONSYMMETRIC
@@ -327,11 +325,8 @@ def mean(x: np.ndarray) -> float:
 
 def symmetric_form(A: Any) -> Any:
     """Return +-sqrt(a_ij a_ji), 0 where signs differ."""
-    if isinstance(A, np.ndarray):
-        root = np.sign(A) * np.sqrt(np.abs(A))
-        return np.sign(A) * np.maximum(root * root.T, 0.0)
-    root = A.copy()
-    root.data = np.sign(A.data) * np.sqrt(np.abs(A.data))
+    root = sp.csr_array(A)
+    root.data = np.sign(root.data) * np.sqrt(np.abs(root.data))
     C = sp.csr_array(root.multiply(root.T.tocsr()))
     C.data = np.maximum(C.data, 0.0)
-    return sp.csr_array(C.multiply(A.sign()))
+    return sp.csr_array(C.multiply(root.sign()))

@@ -105,7 +105,6 @@ class Parameters(NamedTuple):
 
 
 def positive_diagonal(A: Any, method: str) -> np.ndarray:
-    """Return D = diag(A); raise if it is not positive."""
     D = np.array(A.diagonal())
     wrong = np.flatnonzero(~(D > 0.0))
     if wrong.size:
@@ -137,8 +136,8 @@ def is_adaptive(method: str, parameters: Parameters) -> bool:
     }
     texts = [name for name in wanted if isinstance(getattr(parameters, name), str)]
     for name in texts:
-        if getattr(parameters, name) != "auto":
-            value = getattr(parameters, name)
+        value = getattr(parameters, name)
+        if value != "auto":
             raise TypeError(f"{name} must be {wanted[name]} or 'auto', got {value!r}")
     return bool(texts)
 
@@ -171,7 +170,7 @@ def checked_parameters(A: Any, method: str, parameters: Parameters) -> Parameter
 
 
 class Step:
-    """One iteration, with `omega` the diagonal of Omega in the last one.
+    """One iteration with the diagonal `omega` of Omega.
 
     run, a function of two iterates, (2, n) arrays of s and z = clip(s), writes the
     second one and returns Res(z) of the first.

@@ -70,21 +70,12 @@ def sweep(
 ) -> Outcome:
     """Solve a box LCP by a method of `SWEEPS` until Res(z) < eps_abs.
 
-    parameters: its `Parameters`.
-
-    limits.report is called for every iterate. The start is s0, or s = z0 - (A z0 +
-    q)/Omega, which is a fixed point if z0 is a solution, or s = clip(0, lower, upper).
-    (The paper's runs start at (1, 0, 1, 0, ...).)
+    parameters: its `Parameters`. The start is s0, or s = z0 - (A z0 + q)/Omega, which
+    is a fixed point if z0 is a solution, or s = clip(0, lower, upper).
 
     MAX_ITER, TIME_LIMIT, DIVERGED (growth, overflow or a cycle, see `iterate`) and
     STALLED (rounding errors repeat the iterates, or hide Res) return the iterate of
-    least Res.
-    NUMERICAL_ERROR: the factorisation fails; z, w and s are NaN.
-
-    Raises
-    ------
-    TypeError, ValueError
-        A parameter is not what it must be, or the diagonal of A is not positive.
+    least Res. NUMERICAL_ERROR: the factorisation fails; z, w and s are NaN.
     """
     step = step_of(lcp, method, Parameters(**parameters))
     with np.errstate(all="ignore"):
@@ -108,11 +99,11 @@ def sweep(
 
 def step_of(lcp: LCP, method: str, parameters: Parameters) -> Step | None:
     """Check the parameters; return the step, None if its factorisation fails."""
-    chosen = SWEEPS[method]
     if is_adaptive(method, parameters):
         adaptive = AdaptiveStep(lcp, method, parameters)
         return None if adaptive.step is None else adaptive
-    return fixed_step(lcp, chosen, checked_parameters(lcp.A, method, parameters))
+    checked = checked_parameters(lcp.A, method, parameters)
+    return fixed_step(lcp, SWEEPS[method], checked)
 
 
 def iterate(
