@@ -145,8 +145,12 @@ def iterate(m, guess):
     m.reports = m.limits.report is not None
     m.is_warm = guess.x.size > 0 and start_warm(m, guess)
     while True:
+        m.since_halved, m.reference, m.last_refined = 0, INFINITY, INFINITY
+        m.old_primal_norm = m.old_dual_norm = INFINITY  # no residual is stuck yet
+        m.krylov_pays, m.attained = True, 0.0
+        m.patience = WARM_PATIENCE if m.is_warm else PATIENCE
+        m.rho, m.delta, m.wait = RHO, DELTA, 0
         with cython.nogil:
-            begin(m)
             goes_on: cython.bint = m.is_warm or start(m)
         while goes_on:
             with cython.nogil:
@@ -211,16 +215,6 @@ def answer(m, wants):
 
 
 # ---- an iteration
-
-
-def begin(m):
-    """Forget how earlier iterates converged, and start with much regularisation."""
-    m.since_halved, m.reference, m.last_refined = 0, INFINITY, INFINITY
-    # no residual is stuck before there is one to compare it with
-    m.old_primal_norm = m.old_dual_norm = INFINITY
-    m.krylov_pays, m.attained = True, 0.0
-    m.patience = WARM_PATIENCE if m.is_warm else PATIENCE
-    m.rho, m.delta, m.wait = RHO, DELTA, 0
 
 
 def look(m):

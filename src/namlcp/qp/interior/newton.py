@@ -26,7 +26,6 @@ factorisations of K~ begin to fail.
 
 import cython
 from cython.cimports.libc.math import INFINITY, NAN, sqrt
-from cython.cimports.libc.stdlib import malloc
 from cython.cimports.namlcp.linalg.vectors import (
     add_line,
     add_scaled,
@@ -35,6 +34,7 @@ from cython.cimports.namlcp.linalg.vectors import (
     fill,
     times_line,
 )
+from cython.cimports.namlcp.qp.interior.state import KRYLOV_STEPS
 
 # Least weight of a row, whose reciprocal is on the diagonal of K~.
 THIN = 1e-20
@@ -176,8 +176,8 @@ def assemble(m):
         data[indptr[j + 1] - 1] = -1.0 / weight[j]
 
 
-def set_right_side(m):
-    """Set tau and the right-hand side of the Newton system for the target rc."""
+def find_step(m):
+    """Solve the Newton system for the target rc."""
     n, rows, rhs = m.n, m.n + m.p, m.rhs
     for j in range(n):
         rhs[j] = -m.rd[j]
@@ -190,6 +190,8 @@ def set_right_side(m):
         rhs[m.place[k]] += m.sign[k] * m.omega[k] * m.tau[k]
     for j in range(rows, m.size):
         rhs[j] /= m.weight[j]
+    solve(m)
+    set_step(m)
 
 
 # ---- linear systems
@@ -280,11 +282,6 @@ def improve(m):
     products of K~ with all corrections, over row_size, are made orthonormal.
     """
     size, weight, trial, r = m.size, m.row_size, m.trial, m.trial_r
-    if m.krylov == cython.NULL:
-        count = 2 * KRYLOV_STEPS * size
-        m.krylov = cython.cast(cython.p_double, malloc(8 * count))
-        if m.krylov == cython.NULL:
-            return
     copy(m.step.du, trial, size)
     copy(m.r, r, size)
     for k in range(KRYLOV_STEPS):
@@ -438,13 +435,6 @@ def predict(m):
                 return True
         strengthen(m)
     return m.step.error < INFINITY
-
-
-def find_step(m):
-    """Solve the Newton system for the target."""
-    set_right_side(m)
-    solve(m)
-    set_step(m)
 
 
 def start(m):
