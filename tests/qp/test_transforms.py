@@ -20,8 +20,9 @@ from problems_qp import (
 from namlcp import Status, solve_qp
 from namlcp.options import Options
 from namlcp.qp import make_guess
+from namlcp.qp.kkt import ScaledQP
+from namlcp.qp.reductions import Substitution, presolve, substitute
 from namlcp.qp.route import Chain
-from namlcp.qp.transforms import ScaledQP, Substitution, presolve, substitute
 
 INF = np.inf
 

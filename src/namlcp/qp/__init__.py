@@ -13,7 +13,7 @@ from namlcp.qp.batch import (
 )
 from namlcp.qp.closest import Face, Nearest
 from namlcp.qp.intake import qp_data, stamp_of
-from namlcp.qp.kkt import KKT
+from namlcp.qp.kkt import KKT, equilibrate
 from namlcp.qp.problem import (
     NO_GUESS,
     QP,
@@ -25,4 +25,3 @@ from namlcp.qp.problem import (
     qp_arrays,
 )
 from namlcp.qp.route import Memory, solve_checked
-from namlcp.qp.transforms import equilibrate

@@ -36,7 +36,8 @@ from cython.cimports.namlcp.watch import is_over, look_at_clock, raise_kept
 from namlcp.checks import as_sparse
 from namlcp.limits import PASS
 from namlcp.qp.certificates import alone
-from namlcp.qp.transforms import ScaledQP, presolve
+from namlcp.qp.kkt import ScaledQP
+from namlcp.qp.reductions import presolve
 from namlcp.status import Status
 
 # MOST_RESTARTS: most of them after cold starts. LIFT: the least target of W'Z, relative
