@@ -232,7 +232,7 @@ class Face(NamedTuple):
     """The x of all solutions of stage 1: C x <= d + r, = or >= for sense 1, 0, -1.
 
     x, v, v_box: one of them. r: its shifts in norm 2, else 0. lb = ub where x_j stays
-    at a bound. `moves` marks the rows whose shift depends on x.
+    at a bound.
     """
 
     rows: Rows
@@ -243,7 +243,6 @@ class Face(NamedTuple):
     r: np.ndarray
     lb: np.ndarray
     ub: np.ndarray
-    moves: np.ndarray
 
     def refined(self, solve: Callable[[QP], Outcome]) -> "Face | None":
         """Return the face with C'v + v_box = 0 to rounding, None where that fails.
@@ -308,7 +307,8 @@ class Face(NamedTuple):
         return least_shifts(alone), point
 
     def shifts(self, x: np.ndarray) -> np.ndarray:
-        return np.where(self.moves, self.rows.violations(x), self.r)
+        moves = (self.sense < 0) | ((self.sense > 0) & self.rows.is_equality)
+        return np.where(moves, self.rows.violations(x), self.r)
 
     def point(self, found: Point) -> Point:
         """Return the point of the shifted QP for one of stage 2."""
@@ -351,10 +351,10 @@ def face_of(rows: Rows, x: np.ndarray, v: np.ndarray, v_box: np.ndarray) -> Face
     at_floor = v <= np.where(equality, -ceiling, 0.0) + zero
     at_ceiling = v >= ceiling - zero
     v_box = np.where(np.abs(v_box) > zero_box, v_box, 0.0)
-    sense, moves = at_floor.astype(int) - at_ceiling, at_ceiling | (at_floor & equality)
+    sense = at_floor.astype(int) - at_ceiling
     lb = np.where(v_box > 0.0, rows.ub, rows.lb)
     ub = np.where(v_box < 0.0, rows.lb, rows.ub)
-    return Face(rows, x, v, v_box, sense, r, lb, ub, moves)
+    return Face(rows, x, v, v_box, sense, r, lb, ub)
 
 
 class Nearest(NamedTuple):

@@ -205,10 +205,7 @@ class ScaledQP:
 
     def __init__(self, small, last=None):
         n, p = small.q.size, small.b.size
-        self.small = small
-        self.kkt: KKT
-        self.scale: np.ndarray
-        self.n, self.p = n, p
+        self.small, self.n, self.p = small, n, p
         if last is not None and all(
             getattr(small, name) is getattr(last.small, name) for name in "PAG"
         ):
@@ -223,17 +220,11 @@ class ScaledQP:
             equilibrate(*matrix, self.scale)
         side = np.concatenate((small.sides.ravel(), small.ub, -small.lb))
         self.finite, self.place, self.sign = find_finite(side, n, p)
-        self.side = side[self.finite]
-        self.scale_vectors()
-
-    def scale_vectors(self):
-        """Set unit, q, b, c and the values of K~."""
-        n, rows, small, scale = self.n, self.n + self.p, self.small, self.scale
         self.kkt.data[:] = self.kkt.base
-        self.unit = scale.copy()
-        self.unit[n:] = 1.0 / scale[n:]
-        self.q, self.b = small.q * scale[:n], small.b * scale[n:rows]
-        self.c = self.side / self.unit[self.place]
+        self.unit = self.scale.copy()
+        self.unit[n:] = 1.0 / self.scale[n:]
+        self.q, self.b = small.q * self.scale[:n], small.b * self.scale[n : n + p]
+        self.c = side[self.finite] / self.unit[self.place]
 
     def point(self, x, y, Z, data=1.0):
         n, rows = self.n, self.small.sides.size

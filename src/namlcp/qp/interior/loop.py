@@ -42,7 +42,7 @@ from namlcp.status import Status
 
 # MOST_RESTARTS: most of them after cold starts. LIFT: the least target of W'Z, relative
 # to the gap, then. TOLERABLE: primal residual over its tolerance up to which a restart
-# relaxes right-hand sides.
+# relaxes right-hand sides, twice at most.
 LIFT, TOLERABLE = 0.01, 0.5
 # Where an iterate meets the tolerances and the judge refuses only its gap, as terms of
 # that cancel in the user's sum, the least target of W'Z falls to the part CLOSER, and
@@ -277,13 +277,11 @@ def restart(m):
     m.lift = LIFT
     offer(m, m.best_x)
     copy(m.best_x, m.x, m.length)
-    m.problem.scale_vectors()  # undo an earlier relaxation
-    attach(m)
     evaluate(m)
     m.best = INFINITY
     if m.primal_ratio <= TOLERABLE:
         m.problem.relax(as_array(m.t, m.size))
-    attach(m)
+        attach(m)
     return True
 
 
