@@ -120,10 +120,9 @@ class Rows(NamedTuple):
 
     def parts(self, v: np.ndarray) -> list[np.ndarray]:
         """Return the parts of v: G, upper, lower, A."""
-        lower_end = v.size - self.p
-        upper_end = lower_end - self.lower.size
-        m = upper_end - self.upper.size
-        return [v[:m], v[m:upper_end], v[upper_end:lower_end], v[lower_end:]]
+        sizes = self.upper.size, self.lower.size
+        m = v.size - self.p - sum(sizes)
+        return np.split(v, np.cumsum((m, *sizes)))
 
     def point(self, x: np.ndarray, v: np.ndarray, v_box: np.ndarray) -> Point:
         z, of_upper, of_lower, y = self.parts(v)

@@ -222,7 +222,11 @@ def look(m):
     wants: cython.int = REPORT if m.reports else 0
     if m.worst <= CLOSE and max(m.primal_ratio, m.dual_ratio) <= 1.0:
         wants |= JUDGE
-    same: cython.bint = mark_active(m)
+    same: cython.bint = True
+    for k in range(m.m):
+        is_active: cython.bint = m.Z[k] > m.W[k]
+        if is_active != m.active[k]:
+            same, m.active[k] = False, is_active
     near: cython.bint = m.tol * m.worst < NEAR or m.mu < NEAR_MU
     drop = DROP_LARGE if m.nnz > LARGE_KKT else DROP
     if near and m.worst <= drop * m.last_refined and (m.worst < STEADY or same):
@@ -239,16 +243,6 @@ def look(m):
     if is_over(m, PASSES * m.factors.entries):
         wants |= CLOCK
     return wants
-
-
-def mark_active(m):
-    """Mark the constraints with Z > W; tell whether these were marked before."""
-    same: cython.bint = True
-    for k in range(m.m):
-        is_active: cython.bint = m.Z[k] > m.W[k]
-        if is_active != m.active[k]:
-            same, m.active[k] = False, is_active
-    return same
 
 
 # ---- in Python: the judge, the clock, other starts

@@ -490,10 +490,8 @@ def regularise(m, old_mu):
         lower(m, True, True)
         return
     factor = max(0.0, 1.0 - abs(old_mu - m.mu) / old_mu) if old_mu > 0.0 else 0.0
-    if m.rho > FLOOR:
-        m.rho = max(m.rho * factor, FLOOR)
-    if m.delta > FLOOR:
-        m.delta = max(m.delta * factor, FLOOR)
+    m.rho = max(m.rho * factor, min(m.rho, FLOOR))
+    m.delta = max(m.delta * factor, min(m.delta, FLOOR))
     if not m.step.error <= POOR:
         strengthen(m)
     elif m.wait > 0:
