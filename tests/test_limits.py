@@ -30,7 +30,7 @@ from namlcp import (
 )
 from namlcp.limits import Deadline, OutOfTime
 from namlcp.qp.intake import qp_data
-from namlcp.qp.transforms.reductions import substitute
+from namlcp.qp.reductions import substitute
 from namlcp.qpsolvers import nam_solve_problem
 
 

@@ -14,10 +14,10 @@ from namlcp.linalg import csc
 from namlcp.qp.certificates import accepted
 from namlcp.qp.interior.loop import run
 from namlcp.qp.interior.state import Interior
+from namlcp.qp.kkt import ScaledQP
 from namlcp.qp.problem import NO_GUESS
+from namlcp.qp.reductions import presolve
 from namlcp.qp.route import Chain
-from namlcp.qp.transforms.reductions import presolve
-from namlcp.qp.transforms.scaling import ScaledQP
 
 LIMITS = Limits(1e-9, 0.0)
 TOL = 1e-6

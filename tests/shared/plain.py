@@ -155,10 +155,10 @@ GIVEN = {
         are_places=None, data_of=None, fits=None, indices=None, new_vector=None,
         numbers=None, places=None,
     ),
-    "namlcp.linalg.sparse_ldl": SimpleNamespace(Factors=None, as_array=None),
+    "namlcp.linalg.sparse_ldl": SimpleNamespace(Factors=object, as_array=None),
     "namlcp.linalg.blas": SimpleNamespace(
         blas_dot=dot, blas_times=None, cholesky=None, invert_lower=None,
-        times_lower=None, gram=None,
+        times_lower=None, gram=None, add_squares=None, cholesky_solve=None,
     ),
 }  # fmt: skip
 INSTEAD = {"namlcp.qp.active.engine": {"reals": reals, "indices": indices}}

@@ -16,8 +16,7 @@ from scipy.sparse.linalg import lsmr, splu
 
 from namlcp.entries import from_arrays
 from namlcp.linalg.csc import add_transposed, times
-from namlcp.qp.kkt import KKT
-from namlcp.qp.transforms.scaling import equilibrate
+from namlcp.qp.kkt import KKT, equilibrate
 
 # A matrix is singular if the reciprocal of its condition, of a sparse one the ratio of
 # its pivots, is below this; singular values below this times its order count as 0.

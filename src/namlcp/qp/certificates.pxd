@@ -1,4 +1,4 @@
-from namlcp.qp.transforms.scaling cimport Matrix
+from namlcp.qp.kkt cimport Matrix
 
 cdef double VALUE_ROUNDING, RESIDUAL, RADIUS, EXACT_RESIDUAL, MARGIN, ROUNDED_VALUE, CANCELLED
 

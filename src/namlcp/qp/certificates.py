@@ -15,7 +15,7 @@ the 1-norm of the multipliers. Every x that violates no constraint by more than 
 (1 - t lam)/|r|_inf; if r = 0, every x violates some constraint by 1/lam or more.
 
 A test is made in the user's units, then in those that equilibrate P, A and G (see
-`transforms.scaling`): without them a column of tiny entries would have a tiny residual
+`qp.kkt`): without them a column of tiny entries would have a tiny residual
 for any y and z, and a variable that counts in large units one for any step along it.
 """
 
@@ -25,7 +25,7 @@ from cython import Py_ssize_t
 from cython.cimports.libc.math import INFINITY, NAN, fabs, isinf
 from cython.cimports.namlcp.linalg.arrays import numbers, places
 from cython.cimports.namlcp.linalg.vectors import fill, largest_entry
-from cython.cimports.namlcp.qp.transforms.scaling import (
+from cython.cimports.namlcp.qp.kkt import (
     Matrix,
     equilibrate_parts,
     first_of,

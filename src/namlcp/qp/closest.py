@@ -109,21 +109,11 @@ class Rows(NamedTuple):
         r, w = r[soft], self.weights[soft]
         return float(w @ (r * r if self.norm == 2 else np.abs(r)))
 
-    def rounding(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return bounds of the errors of v = w (C x - d), for finite w, and of C'v."""
-        C, known = abs(self.C), np.isfinite(self.weights) & np.isfinite(self.d)
-        w, d = np.where(known, (self.weights, self.d), 0.0)
-        errors = ROUNDING * w * (times(C, np.abs(x)) + np.abs(d))
-        sums = np.zeros(x.size)
-        add_transposed(C, errors, sums)
-        return errors, sums
-
     def parts(self, v: np.ndarray) -> list[np.ndarray]:
         """Return the parts of v: G, upper, lower, A."""
-        lower_end = v.size - self.p
-        upper_end = lower_end - self.lower.size
-        m = upper_end - self.upper.size
-        return [v[:m], v[m:upper_end], v[upper_end:lower_end], v[lower_end:]]
+        sizes = self.upper.size, self.lower.size
+        m = v.size - self.p - sum(sizes)
+        return np.split(v, np.cumsum((m, *sizes)))
 
     def point(self, x: np.ndarray, v: np.ndarray, v_box: np.ndarray) -> Point:
         z, of_upper, of_lower, y = self.parts(v)
@@ -232,7 +222,7 @@ class Face(NamedTuple):
     """The x of all solutions of stage 1: C x <= d + r, = or >= for sense 1, 0, -1.
 
     x, v, v_box: one of them. r: its shifts in norm 2, else 0. lb = ub where x_j stays
-    at a bound. `moves` marks the rows whose shift depends on x.
+    at a bound.
     """
 
     rows: Rows
@@ -243,7 +233,6 @@ class Face(NamedTuple):
     r: np.ndarray
     lb: np.ndarray
     ub: np.ndarray
-    moves: np.ndarray
 
     def refined(self, solve: Callable[[QP], Outcome]) -> "Face | None":
         """Return the face with C'v + v_box = 0 to rounding, None where that fails.
@@ -257,10 +246,17 @@ class Face(NamedTuple):
         noisy = (self.sense == 0) & (forces <= np.abs(C.T @ self.v + self.v_box).sum())
         sense = np.where(one_sided & noisy, 1, self.sense)
         v, held = np.where(one_sided & (sense == 1), 0.0, self.v), sense == 0
-        size = largest(v)  # of multipliers 1 the errors are relative ones
-        if not held.any():
+        rows, dense, size = np.flatnonzero(held), isinstance(C, np.ndarray), largest(v)
+        if not rows.size:
             return None
-        found = solve(least_change(C, held, ~fixed, v / size))
+        A = chosen(C, rows, np.flatnonzero(~fixed)).T  # C_j'v = 0 in free columns
+        A = np.ascontiguousarray(A) if dense else sp.csc_array(A)
+        m, at = rows.size, np.arange(rows.size)
+        none, zero, unlimited = np.empty(0), np.zeros(A.shape[0]), np.full(m, np.inf)
+        P = scattered(at, at, np.ones(m), (m, m), dense)
+        q = -v[held] / size  # of multipliers 1 the errors are relative ones
+        change = QP(P, q, chosen(A, at[:0]), none, A, zero, -unlimited, unlimited)
+        found = solve(change)
         if found.status is not Status.SOLVED:
             return None
         v[held] = size * found.point.x
@@ -308,7 +304,8 @@ class Face(NamedTuple):
         return least_shifts(alone), point
 
     def shifts(self, x: np.ndarray) -> np.ndarray:
-        return np.where(self.moves, self.rows.violations(x), self.r)
+        moves = (self.sense < 0) | ((self.sense > 0) & self.rows.is_equality)
+        return np.where(moves, self.rows.violations(x), self.r)
 
     def point(self, found: Point) -> Point:
         """Return the point of the shifted QP for one of stage 2."""
@@ -325,22 +322,17 @@ class Face(NamedTuple):
         return self.rows.point(found.x, v, v_box)
 
 
-def least_change(C: Any, held: np.ndarray, free: np.ndarray, v: np.ndarray) -> QP:
-    """Return the QP for the least change of v_held with C_j'v = 0 in free columns."""
-    dense, held = isinstance(C, np.ndarray), np.flatnonzero(held)
-    A = chosen(C, held, np.flatnonzero(free)).T
-    A = np.ascontiguousarray(A) if dense else sp.csc_array(A)
-    m, at = held.size, np.arange(held.size)
-    none, zero, unlimited = np.empty(0), np.zeros(A.shape[0]), np.full(m, np.inf)
-    P = scattered(at, at, np.ones(m), (m, m), dense)
-    return QP(P, -v[held], chosen(A, at[:0]), none, A, zero, -unlimited, unlimited)
-
-
 def face_of(rows: Rows, x: np.ndarray, v: np.ndarray, v_box: np.ndarray) -> Face:
     equality, zero = rows.is_equality, AT_LIMIT * largest(v, v_box)
     zero_box, r = max(zero, largest(rows.C.T @ v + v_box)), np.zeros(v.size)
     if rows.norm == 2:
-        noise, sums = rows.rounding(x)
+        known = np.isfinite(rows.weights) & np.isfinite(rows.d)
+        w, d = np.where(known, (rows.weights, rows.d), 0.0)
+        moduli = abs(rows.C)
+        # bounds of the errors of v = w (C x - d) and of C'v
+        noise = ROUNDING * w * (times(moduli, np.abs(x)) + np.abs(d))
+        sums = np.zeros(x.size)
+        add_transposed(moduli, noise, sums)
         zero, zero_box = np.maximum(zero, noise), np.maximum(zero_box, sums)
         # r is as exact as C x - d, whose error times w is `noise`, or as v / w
         by_v = noise > ROUNDING * largest(v)
@@ -351,10 +343,10 @@ def face_of(rows: Rows, x: np.ndarray, v: np.ndarray, v_box: np.ndarray) -> Face
     at_floor = v <= np.where(equality, -ceiling, 0.0) + zero
     at_ceiling = v >= ceiling - zero
     v_box = np.where(np.abs(v_box) > zero_box, v_box, 0.0)
-    sense, moves = at_floor.astype(int) - at_ceiling, at_ceiling | (at_floor & equality)
+    sense = at_floor.astype(int) - at_ceiling
     lb = np.where(v_box > 0.0, rows.ub, rows.lb)
     ub = np.where(v_box < 0.0, rows.lb, rows.ub)
-    return Face(rows, x, v, v_box, sense, r, lb, ub, moves)
+    return Face(rows, x, v, v_box, sense, r, lb, ub)
 
 
 class Nearest(NamedTuple):

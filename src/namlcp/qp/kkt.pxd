@@ -1,9 +1,19 @@
 from namlcp.linalg.sparse_ldl cimport Factors
 from namlcp.limits cimport Watched
 
-cdef double FULL
+# The lines of a matrix: the rows of a dense one, of `width` numbers each (`starts` is NULL
+# then), or the columns of one in CSC.
+cdef struct Matrix:
+    Py_ssize_t lines, width
+    const double *values
+    const int *starts
+    const int *others
+
+cdef double FULL, EQUAL, LEAST_FACTOR, MOST_FACTOR, LARGEST
 cdef enum:
     BLOCK = 128  # rows that are condensed at a time
+    ROUNDS = 10
+    SWEEPS = 12
 
 cdef class Condensed(Factors):
     cdef:
@@ -17,3 +27,13 @@ cdef class Condensed(Factors):
     cdef void solve_into(self, double* rhs, double* x) noexcept nogil
 
 cpdef int upper_triangle(object P, object A, object G, int[::1] indptr, int[::1] indices, double[::1] data) except -1
+cdef tuple find_finite(const double[::1] side, Py_ssize_t n, Py_ssize_t p)
+cpdef int equilibrate(object indptr, object indices, object data, object scale) except -1
+cdef void equilibrate_parts(
+    const Matrix* P, const Matrix* A, const Matrix* G, Py_ssize_t n, Py_ssize_t p, Py_ssize_t m,
+    double* units, double* largest,
+) noexcept nogil
+cdef void note_entries(const Matrix* M, const double* rows, const double* columns, double* of_rows, double* of_columns) noexcept nogil
+cdef Py_ssize_t first_of(const Matrix* M, Py_ssize_t line) noexcept nogil
+cdef (Py_ssize_t, Py_ssize_t) place_of(const Matrix* M, Py_ssize_t line, Py_ssize_t t) noexcept nogil
+cpdef int even_out(const int[::1] indptr, const int[::1] indices, const double[::1] data, double[::1] scale) except -1

@@ -27,7 +27,7 @@ from namlcp.qp.closest import contradiction, nearest, weights_of
 from namlcp.qp.interior.loop import solve_interior
 from namlcp.qp.judge import Judge
 from namlcp.qp.problem import NO_GUESS, Point, check_convex, make_guess
-from namlcp.qp.transforms.reductions import substitute
+from namlcp.qp.reductions import substitute
 from namlcp.residuals import UNDEFINED
 from namlcp.status import ENDS, Status
 

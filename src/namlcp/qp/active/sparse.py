@@ -38,8 +38,7 @@ from cython.cimports.namlcp.qp.active.rounds import (
 from scipy.sparse import csr_array
 
 from namlcp.linalg.csc import by_rows
-from namlcp.qp.kkt import KKT
-from namlcp.qp.transforms.scaling import equilibrate
+from namlcp.qp.kkt import KKT, equilibrate
 
 # Entries of R and D for rows equilibrated to a largest entry of 1.
 SHIFT = 1e-9

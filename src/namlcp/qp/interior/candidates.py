@@ -22,7 +22,7 @@ and projected by means of one factorisation of K. Those with small relative resi
 
 import cython
 import numpy as np
-from cython.cimports.libc.math import INFINITY
+from cython.cimports.libc.math import INFINITY, fabs
 from cython.cimports.namlcp.limits import look_at_clock
 from cython.cimports.namlcp.linalg.arrays import numbers
 from cython.cimports.namlcp.linalg.sparse_ldl import as_array
@@ -171,17 +171,16 @@ def set_residual(m):
     """Set r to minus the residual of the system; return its unscaled max norm."""
     r, unit = m.r, m.unit
     multiply(m, m.u, m.u, m.Pdx, m.Ctdv, m.dv)
-    worst: cython.double = 0.0
-    size: cython.double = 0.0
+    worst = size = 0.0
     for j in range(m.size):
         r[j] = 0.0
         if not m.held[j]:
             if j < m.n:
                 r[j] = -(m.Pdx[j] + m.cost[j] + m.Ctdv[j])
-                size = abs(r[j]) / unit[j]
+                size = fabs(r[j]) / unit[j]
             else:
                 r[j] = m.goal[j] - m.dv[j]
-                size = abs(r[j]) * unit[j]
+                size = fabs(r[j]) * unit[j]
             if not size <= worst:
                 worst = size
     return worst
@@ -199,7 +198,7 @@ def choose_next_set(m):
     multiply(m, u, u, m.Pdx, m.Ctdv, t)
     copy(u, m.found, rows)
     m.set_changed = False
-    violation: cython.double = 0.0
+    violation = 0.0
     for k in range(m.m):
         j = m.place[k]
         if active[k]:
@@ -255,19 +254,17 @@ def promises(m):
 def farkas_ratio(m, dy):
     """Return min(|r| |x| / -value, |r| / |multipliers|), inf if value >= 0."""
     dZ = m.step.dZ
-    value: cython.double = 0.0
-    most: cython.double = 0.0
-    residual: cython.double = 0.0
+    value = most = residual = 0.0
     for i in range(m.p):
         value += m.b[i] * dy[i]
-        most = max(most, abs(dy[i]))
+        most = max(most, fabs(dy[i]))
     for k in range(m.m):
         value += m.c[k] * max(dZ[k], 0.0)
         most = max(most, dZ[k])
     if not value < 0.0:
         return INFINITY
     for j in range(m.n):
-        residual = max(residual, abs(m.Ctdv[j] + m.dv[j]))
+        residual = max(residual, fabs(m.Ctdv[j] + m.dv[j]))
     size = max(1.0, largest_entry(m.x, m.n))
     return min(residual * size / -value, residual / most)
 
@@ -275,7 +272,7 @@ def farkas_ratio(m, dy):
 def ray_ratio(m):
     """Return max(|P dx|, |A dx|, (C dx)+) / |dx|, inf if q'dx >= 0."""
     dx, t = m.step.du, m.dt
-    value: cython.double = 0.0
+    value = 0.0
     for j in range(m.n):
         value += m.q[j] * dx[j]
     if not value < 0.0:

@@ -18,8 +18,6 @@ cdef enum:
 cdef bint is_late(Interior m) except -1
 cdef object iterate(Interior m, object guess)
 cdef object answer(Interior m, int wants)
-cdef void begin(Interior m) noexcept nogil
 cdef int look(Interior m) noexcept nogil
-cdef bint mark_active(Interior m) noexcept nogil
 cdef bint restart(Interior m) except -1
 cdef bint start_warm(Interior m, object guess) except -1

@@ -36,13 +36,13 @@ from cython.cimports.namlcp.qp.interior.state import EXACT, attach, offer
 from namlcp.checks import as_sparse
 from namlcp.limits import PASS
 from namlcp.qp.certificates import alone
-from namlcp.qp.transforms.reductions import presolve
-from namlcp.qp.transforms.scaling import ScaledQP
+from namlcp.qp.kkt import ScaledQP
+from namlcp.qp.reductions import presolve
 from namlcp.status import Status
 
 # MOST_RESTARTS: most of them after cold starts. LIFT: the least target of W'Z, relative
 # to the gap, then. TOLERABLE: primal residual over its tolerance up to which a restart
-# relaxes right-hand sides.
+# relaxes right-hand sides, twice at most.
 LIFT, TOLERABLE = 0.01, 0.5
 # Where an iterate meets the tolerances and the judge refuses only its gap, as terms of
 # that cancel in the user's sum, the least target of W'Z falls to the part CLOSER, and
@@ -146,8 +146,12 @@ def iterate(m, guess):
     m.reports = m.limits.report is not None
     m.is_warm = guess.x.size > 0 and start_warm(m, guess)
     while True:
+        m.since_halved, m.reference, m.last_refined = 0, INFINITY, INFINITY
+        m.old_primal_norm = m.old_dual_norm = INFINITY  # no residual is stuck yet
+        m.krylov_pays, m.attained = True, 0.0
+        m.patience = WARM_PATIENCE if m.is_warm else PATIENCE
+        m.rho, m.delta, m.wait = RHO, DELTA, 0
         with cython.nogil:
-            begin(m)
             goes_on: cython.bint = m.is_warm or start(m)
         while goes_on:
             with cython.nogil:
@@ -214,21 +218,15 @@ def answer(m, wants):
 # ---- an iteration
 
 
-def begin(m):
-    """Forget how earlier iterates converged, and start with much regularisation."""
-    m.since_halved, m.reference, m.last_refined = 0, INFINITY, INFINITY
-    # no residual is stuck before there is one to compare it with
-    m.old_primal_norm = m.old_dual_norm = INFINITY
-    m.krylov_pays, m.attained = True, 0.0
-    m.patience = WARM_PATIENCE if m.is_warm else PATIENCE
-    m.rho, m.delta, m.wait = RHO, DELTA, 0
-
-
 def look(m):
     wants: cython.int = REPORT if m.reports else 0
     if m.worst <= CLOSE and max(m.primal_ratio, m.dual_ratio) <= 1.0:
         wants |= JUDGE
-    same: cython.bint = mark_active(m)
+    same: cython.bint = True
+    for k in range(m.m):
+        is_active: cython.bint = m.Z[k] > m.W[k]
+        if is_active != m.active[k]:
+            same, m.active[k] = False, is_active
     near: cython.bint = m.tol * m.worst < NEAR or m.mu < NEAR_MU
     drop = DROP_LARGE if m.nnz > LARGE_KKT else DROP
     if near and m.worst <= drop * m.last_refined and (m.worst < STEADY or same):
@@ -245,16 +243,6 @@ def look(m):
     if is_over(m, PASSES * m.factors.entries):
         wants |= CLOCK
     return wants
-
-
-def mark_active(m):
-    """Mark the constraints with Z > W; tell whether these were marked before."""
-    same: cython.bint = True
-    for k in range(m.m):
-        is_active: cython.bint = m.Z[k] > m.W[k]
-        if is_active != m.active[k]:
-            same, m.active[k] = False, is_active
-    return same
 
 
 # ---- in Python: the judge, the clock, other starts
@@ -283,13 +271,11 @@ def restart(m):
     m.lift = LIFT
     offer(m, m.best_x)
     copy(m.best_x, m.x, m.length)
-    m.problem.scale_vectors()  # undo an earlier relaxation
-    attach(m)
     evaluate(m)
     m.best = INFINITY
     if m.primal_ratio <= TOLERABLE:
         m.problem.relax(as_array(m.t, m.size))
-    attach(m)
+        attach(m)
     return True
 
 

@@ -8,13 +8,11 @@ cdef double NEGLIGIBLE, START_VALUE
 cdef enum:
     FACTORISATIONS = 3
     REFINEMENT_STEPS = 11
-    KRYLOV_STEPS = 8
     WAIT = 3
 
 cdef void multiply(Interior m, const double* x, const double* v, double* Px, double* Ctv, double* t) noexcept nogil
 cdef void evaluate(Interior m) noexcept nogil
 cdef void assemble(Interior m) noexcept nogil
-cdef void set_right_side(Interior m) noexcept nogil
 cdef void set_step(Interior m) noexcept nogil
 cdef void aim_at_centre(Interior m) noexcept nogil
 cdef void aim_at_longer_step(Interior m) noexcept nogil

@@ -25,8 +25,7 @@ factorisations of K~ begin to fail.
 """
 
 import cython
-from cython.cimports.libc.math import INFINITY, NAN, sqrt
-from cython.cimports.libc.stdlib import malloc
+from cython.cimports.libc.math import INFINITY, NAN, fabs, sqrt
 from cython.cimports.namlcp.linalg.vectors import (
     add_line,
     add_scaled,
@@ -35,6 +34,7 @@ from cython.cimports.namlcp.linalg.vectors import (
     fill,
     times_line,
 )
+from cython.cimports.namlcp.qp.interior.state import KRYLOV_STEPS
 
 # Least weight of a row, whose reciprocal is on the diagonal of K~.
 THIN = 1e-20
@@ -103,13 +103,7 @@ def evaluate(m):
     for k in range(m.m):
         m.v[m.place[k]] += m.sign[k] * m.Z[k]
     multiply(m, m.x, m.v, m.Px, m.Ctv, t)
-    primal: cython.double = 0.0
-    primal_size: cython.double = 0.0
-    dual: cython.double = 0.0
-    dual_size: cython.double = 0.0
-    dual_norm: cython.double = 0.0
-    row_norm: cython.double = 0.0
-    slack_norm: cython.double = 0.0
+    primal = primal_size = dual = dual_size = dual_norm = row_norm = slack_norm = 0.0
     xPx = qx = by = support = complement = nan_test = dual_share = primal_share = 0.0
     for j in range(n):
         m.rd[j] = m.Px[j] + m.q[j] + m.Ctv[j] + m.v[j]
@@ -117,18 +111,18 @@ def evaluate(m):
         qx += m.q[j] * m.x[j]
         nan_test += m.rd[j]
         dual_share += m.x[j] * m.rd[j]
-        dual_norm = max(dual_norm, abs(m.rd[j]))
-        dual = max(dual, abs(m.rd[j]) / unit[j])
-        term = max(abs(m.Px[j]), abs(m.q[j]), abs(m.Ctv[j]), abs(m.v[j]))
+        dual_norm = max(dual_norm, fabs(m.rd[j]))
+        dual = max(dual, fabs(m.rd[j]) / unit[j])
+        term = max(fabs(m.Px[j]), fabs(m.q[j]), fabs(m.Ctv[j]), fabs(m.v[j]))
         dual_size = max(dual_size, term / unit[j])
-        primal_size = max(primal_size, abs(m.x[j]) * unit[j])
+        primal_size = max(primal_size, fabs(m.x[j]) * unit[j])
     for i in range(m.p):
         m.rp[i] = t[n + i] - m.b[i]
         by += m.b[i] * m.y[i]
         primal_share += m.y[i] * m.rp[i]
-        row_norm = max(row_norm, abs(m.rp[i]))
-        primal = max(primal, abs(m.rp[i]) * unit[n + i])
-        term = max(abs(m.b[i]), abs(t[n + i]))
+        row_norm = max(row_norm, fabs(m.rp[i]))
+        primal = max(primal, fabs(m.rp[i]) * unit[n + i])
+        term = max(fabs(m.b[i]), fabs(t[n + i]))
         primal_size = max(primal_size, term * unit[n + i])
     for k in range(m.m):
         j = m.place[k]
@@ -137,22 +131,22 @@ def evaluate(m):
         support += m.c[k] * m.Z[k]
         primal_share += m.Z[k] * m.rw[k]
         complement += m.W[k] * m.Z[k]
-        slack_norm = max(slack_norm, abs(m.rw[k]))
+        slack_norm = max(slack_norm, fabs(m.rw[k]))
         primal = max(primal, excess * unit[j])
         if j >= n:
-            primal_size = max(primal_size, abs(t[j]) * unit[j])
+            primal_size = max(primal_size, fabs(t[j]) * unit[j])
     m.dual_norm, m.row_norm, m.slack_norm = dual_norm, row_norm, slack_norm
-    m.dual_share, m.primal_share = abs(dual_share), abs(primal_share)
+    m.dual_share, m.primal_share = fabs(dual_share), fabs(primal_share)
     m.mu = complement / m.m if m.m > 0 else 0.0
     m.primal, m.dual = primal, dual
-    m.gap = abs(xPx + qx + by + support)
-    m.gap_size = max(abs(xPx), abs(qx), abs(by), abs(support))
+    m.gap = fabs(xPx + qx + by + support)
+    m.gap_size = max(fabs(xPx), fabs(qx), fabs(by), fabs(support))
     m.primal_ratio = primal / (m.eps_abs + m.eps_rel * primal_size)
     m.dual_ratio = dual / (m.eps_abs + m.eps_rel * dual_size)
     m.gap_ratio = m.gap / (m.eps_abs + m.eps_rel * m.gap_size)
     worst = max(m.primal_ratio, m.dual_ratio, m.gap_ratio)
     # maxima may ignore a NaN, sums do not
-    is_finite: cython.bint = abs(nan_test) + worst + m.gap < INFINITY
+    is_finite: cython.bint = fabs(nan_test) + worst + m.gap < INFINITY
     m.worst = worst if is_finite else INFINITY
     if m.worst < m.best:
         m.best = worst
@@ -176,8 +170,8 @@ def assemble(m):
         data[indptr[j + 1] - 1] = -1.0 / weight[j]
 
 
-def set_right_side(m):
-    """Set tau and the right-hand side of the Newton system for the target rc."""
+def find_step(m):
+    """Solve the Newton system for the target rc."""
     n, rows, rhs = m.n, m.n + m.p, m.rhs
     for j in range(n):
         rhs[j] = -m.rd[j]
@@ -190,6 +184,8 @@ def set_right_side(m):
         rhs[m.place[k]] += m.sign[k] * m.omega[k] * m.tau[k]
     for j in range(rows, m.size):
         rhs[j] /= m.weight[j]
+    solve(m)
+    set_step(m)
 
 
 # ---- linear systems
@@ -199,7 +195,7 @@ def factor(m):
     """Factor K~ unless its factors are at hand; tell if that succeeds."""
     is_known: cython.bint = True
     for j in range(m.size):
-        m.row_size[j] = max(1.0, abs(m.data[m.indptr[j + 1] - 1]))
+        m.row_size[j] = max(1.0, fabs(m.data[m.indptr[j + 1] - 1]))
     for t in range(m.nnz - 1, -1, -1):
         if m.data[t] != m.factored[t]:
             is_known = False
@@ -217,7 +213,7 @@ def weighted_norm(r, weight, size):
     """Return max |r_i| / weight_i, NaN if an entry is NaN."""
     worst = 0.0
     for i in range(size):
-        value = abs(r[i]) / weight[i]
+        value = fabs(r[i]) / weight[i]
         if not value <= worst:
             worst = value
             if value != value:
@@ -280,11 +276,6 @@ def improve(m):
     products of K~ with all corrections, over row_size, are made orthonormal.
     """
     size, weight, trial, r = m.size, m.row_size, m.trial, m.trial_r
-    if m.krylov == cython.NULL:
-        count = 2 * KRYLOV_STEPS * size
-        m.krylov = cython.cast(cython.p_double, malloc(8 * count))
-        if m.krylov == cython.NULL:
-            return
     copy(m.step.du, trial, size)
     copy(m.r, r, size)
     for k in range(KRYLOV_STEPS):
@@ -388,18 +379,17 @@ def move(m):
     if m.m > 0:
         primal, dual = SHORT * m.step.primal, SHORT * m.step.dual
     du, dW, dZ = m.step.du, m.step.dW, m.step.dZ
-    change_x: cython.double = 0.0
-    change_yz: cython.double = 0.0
+    change_x = change_yz = 0.0
     for j in range(n):
         m.x[j] += primal * du[j]
-        change_x = max(change_x, primal * abs(du[j]))
+        change_x = max(change_x, primal * fabs(du[j]))
     for i in range(m.p):
         m.y[i] += dual * du[n + i]
-        change_yz = max(change_yz, dual * abs(du[n + i]))
+        change_yz = max(change_yz, dual * fabs(du[n + i]))
     for k in range(m.m):
         m.W[k] += primal * dW[k]
         m.Z[k] += dual * dZ[k]
-        change_yz = max(change_yz, dual * abs(dZ[k]))
+        change_yz = max(change_yz, dual * fabs(dZ[k]))
     m.change_x, m.change_yz = change_x, change_yz
     m.has_full_step = m.step.primal + m.step.dual > FULL
 
@@ -440,13 +430,6 @@ def predict(m):
     return m.step.error < INFINITY
 
 
-def find_step(m):
-    """Solve the Newton system for the target."""
-    set_right_side(m)
-    solve(m)
-    set_step(m)
-
-
 def start(m):
     """Set the first point; False if K~ has no factors.
 
@@ -468,8 +451,7 @@ def start(m):
     copy(du, m.x, m.n)
     copy(du + m.n, m.y, m.p)
     fill(du, 0.0, m.size)
-    least: cython.double = 0.0
-    most: cython.double = 0.0
+    least = most = 0.0
     for k in range(m.m):
         Z[k] = dZ[k]
         dZ[k] = 0.0
@@ -499,11 +481,9 @@ def regularise(m, old_mu):
     if m.m == 0:
         lower(m, True, True)
         return
-    factor = max(0.0, 1.0 - abs(old_mu - m.mu) / old_mu) if old_mu > 0.0 else 0.0
-    if m.rho > FLOOR:
-        m.rho = max(m.rho * factor, FLOOR)
-    if m.delta > FLOOR:
-        m.delta = max(m.delta * factor, FLOOR)
+    factor = max(0.0, 1.0 - fabs(old_mu - m.mu) / old_mu) if old_mu > 0.0 else 0.0
+    m.rho = max(m.rho * factor, min(m.rho, FLOOR))
+    m.delta = max(m.delta * factor, min(m.delta, FLOOR))
     if not m.step.error <= POOR:
         strengthen(m)
     elif m.wait > 0:

@@ -1,6 +1,8 @@
 from namlcp.linalg.sparse_ldl cimport Factors
 from namlcp.limits cimport Watched
 
+cdef enum:
+    KRYLOV_STEPS = 8
 
 cdef struct Step:
     double *du, *dW, *dZ
@@ -34,8 +36,8 @@ cdef class Interior(Watched):
         double *dv, *dt, *Pdx, *Ctdv
         # Linear solves (`newton`): sums of omega, max(1, |K~_ii|), the right-hand side,
         # the residual and the solution of the last solve, another solution and its
-        # residual; the vectors of GMRES, once it is needed, and whether it halved the
-        # residual when it was last tried.
+        # residual; the vectors of GMRES, and whether it halved the residual when it was
+        # last tried.
         double *weight, *row_size, *rhs, *r, *answer, *trial, *trial_r, *krylov
         double rhs_norm
         bint krylov_pays

@@ -50,7 +50,6 @@ class Interior(Watched):
 
     def __dealloc__(self):
         free(self.memory)
-        free(self.krylov)
 
     @property
     def point(self):
@@ -83,6 +82,7 @@ def lay_out(m):
     m.weight, m.row_size, m.rhs = reals(m, size), reals(m, size), reals(m, size)
     m.r, m.answer, m.u = reals(m, size), reals(m, size), reals(m, size)
     m.trial, m.trial_r, m.least_u = reals(m, size), reals(m, size), reals(m, size)
+    m.krylov = reals(m, 2 * KRYLOV_STEPS * size)
     m.goal, m.held, m.dt = reals(m, size), reals(m, size), reals(m, size)
     m.Pdx, m.Ctdv = reals(m, n), reals(m, n)
 

@@ -72,7 +72,7 @@ class Presolved(NamedTuple):
 
     A and G are in CSR. `kept` and `fixed` are columns of `qp`. `side_of` are the rows
     of qp.G that give `sides`, -1 for none, `b_of` the rows of qp.A with the extreme
-    right-hand sides of an equation; b lies between. `contradictions` are reasons,
+    right-hand sides of an equation; b is their mean. `contradictions` are reasons,
     (message, y, z) with multipliers of rows as proof.
     """
 
@@ -115,7 +115,7 @@ class Presolved(NamedTuple):
         z: of `sides`, (2, m).
         """
         qp, (full, y_full, z_full, _) = self.qp, self.qp.point()
-        share_out(y, self.b_of, self.A_groups.ratio, y_full)
+        np.add.at(y_full, self.b_of, 0.5 * y / self.A_groups.ratio[self.b_of])
         hand_on(z, self.side_of, self.G_groups.ratio, z_full)
         if not self.fixed.size:
             return Point(x, y_full, z_full, z_box)
@@ -160,7 +160,7 @@ def presolve(qp, eps_abs, eps_rel, last=None):
     found = [(text, y, np.zeros(h.size)) for text, y in wrong]
     sides, side_of, wrong = merged("G", G_groups, h, tol)
     found += [(text, np.zeros(b.size), z) for text, z in wrong]
-    b = between(ends, b_of, A_groups.ratio)
+    b = 0.5 * (ends[0] - ends[1])
     return Presolved(
         qp, P, q, A, b, G, sides, lb, ub, kept, fixed, x_fixed, b_of, side_of, found,
         A_groups, G_groups,
@@ -174,14 +174,6 @@ def find_fixed(lb, ub, stays):
             stays[j] = not ub[j] - lb[j] <= FIXED * max(1.0, fabs(lb[j]))
 
 
-def share_out(y, rows, ratio, full):
-    """Add the multipliers of equations, (p,), to those of their two extreme rows."""
-    for half in range(2):
-        for k in range(rows.shape[1]):
-            i, weight = rows[half, k], fabs(ratio[rows[0, k]]) + fabs(ratio[rows[1, k]])
-            full[i] += y[k] / weight if ratio[i] > 0.0 else -(y[k] / weight)
-
-
 def hand_on(z, rows, ratio, full):
     """Set the multipliers of the rows that give sides, from those of the sides."""
     for half in range(2):
@@ -189,16 +181,6 @@ def hand_on(z, rows, ratio, full):
             i = rows[half, k]
             if i >= 0:
                 full[i] = z[half, k] / fabs(ratio[i])
-
-
-def between(ends, rows, ratio):
-    """Return the b from which the two extreme rows of equations differ by as much."""
-    found = np.empty(rows.shape[1])
-    b: cython.double[::1] = found
-    for k in range(rows.shape[1]):
-        own, other = fabs(ratio[rows[0, k]]), fabs(ratio[rows[1, k]])
-        b[k] = ends[0, k] - other / (own + other) * (ends[0, k] + ends[1, k])
-    return found
 
 
 def merged(name, groups, values, tol):

@@ -13,9 +13,7 @@ cdef enum:
 cdef double FIXED, SAME, GOLDEN, PIVOT
 
 cdef int find_fixed(const double[::1] lb, const double[::1] ub, unsigned char[::1] stays) except -1
-cdef int share_out(const double[::1] y, const Py_ssize_t[:, ::1] rows, const double[::1] ratio, double[::1] full) except -1
 cdef int hand_on(const double[:, ::1] z, const Py_ssize_t[:, ::1] rows, const double[::1] ratio, double[::1] full) except -1
-cdef object between(const double[:, ::1] ends, const Py_ssize_t[:, ::1] rows, const double[::1] ratio)
 cpdef int group_rows(int[::1] indptr, int[::1] indices, double[::1] data, int[::1] key, int[::1] table, int[::1] number, double[::1] ratio, int[::1] first) except -1
 cdef double multiple(const int[::1] indices, const double[::1] data, Py_ssize_t a, Py_ssize_t a_end, Py_ssize_t c, Py_ssize_t c_end) noexcept
 cdef Py_ssize_t merge_rows(const int[::1] number, const double[::1] ratio, const double[::1] sides, bint equal, double tol, double[:, ::1] least, Py_ssize_t[:, ::1] giver) except -2
