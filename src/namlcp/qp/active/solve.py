@@ -13,7 +13,7 @@ import cython
 import numpy as np
 from cython import Py_ssize_t
 from cython.cimports import numpy as cnp
-from cython.cimports.libc.math import INFINITY, fabs, sqrt
+from cython.cimports.libc.math import INFINITY, fabs
 from cython.cimports.libc.string import memcpy
 from cython.cimports.namlcp.limits import Settings
 from cython.cimports.namlcp.linalg.arrays import (
@@ -25,7 +25,6 @@ from cython.cimports.namlcp.linalg.arrays import (
     places,
 )
 from cython.cimports.namlcp.linalg.vectors import copy, dot, fill
-from cython.cimports.namlcp.measure import rounding_errors
 from cython.cimports.namlcp.qp.active.dense import DenseActiveSet
 from cython.cimports.namlcp.qp.active.engine import (
     CONTRADICTION,
@@ -206,8 +205,6 @@ def solve_small(
     run(m)
     if m.code != DONE and m.code not in OUTCOMES:
         return m
-    if is_copied and m.code == DONE and not is_certain(m):
-        return m
     result: ResultBase = result_of(m, kind, given, start, ready)
     result.stamp = stamp_of(given)
     if keeps and m.code == DONE and not is_sparse:
@@ -257,24 +254,6 @@ def tiny_form(C, n):
             before = at[t]
             out[before * n + j] = value[t]
     return found
-
-
-def is_certain(m):
-    """Tell whether the residuals are within tolerance in any order of their sums."""
-    n, found, eps, relative = m.n, m.found, m.eps_abs, m.eps_rel
-    primal, dual, gap = rounding_errors(
-        norm(m.P, n * n), norm(m.G, m.m * n), norm(m.A, m.p * n),
-        norm(m.x, n), norm(m.y, m.p), norm(m.z, m.m),
-    )  # fmt: skip
-    return (
-        found.primal + primal <= eps + relative * found.primal_size
-        and found.dual + dual <= eps + relative * found.dual_size
-        and found.gap + gap <= eps + relative * found.gap_size
-    )
-
-
-def norm(v, n):
-    return sqrt(dot(v, v, n))
 
 
 def bound_at(side, place, n, value):
