@@ -161,8 +161,7 @@ class DenseActiveSet(ActiveSet):
 def set_up(m):
     """Factor P, or what takes its place; False where the matrices do not allow it.
 
-    They do not if a number is NaN or infinite, or P is not symmetric or not
-    semidefinite. m.wanted > 0 asks for P + W.
+    m.wanted > 0 asks for P + W.
     """
     if m.p > MOST_EQUATIONS * (m.n + 2) or not is_sound(m):
         return False
@@ -333,7 +332,7 @@ def prepare(m):
 
 
 def solve_dense(m):
-    """Solve the QP at the pointers of m; certificates are candidates."""
+    """Solve the QP at the pointers; certificates are candidates."""
     m.pivots = 0
     if is_faulty(m):
         return UNSUITED

@@ -15,8 +15,7 @@ If the point at hand has the right signs and violates no row, the QP is solved. 
 is the next centre, as it is RETRIES times where wrong signs are within tolerance; so is
 the point where the second step meets the first row that is not active. Every centre is
 feasible and the cost falls from round to round, so that no F comes back (Rockafellar,
-SIAM J. Control Optim. 14 (1976) 877-898). The answer depends on the data alone, as c =
-0 at the beginning of every solve.
+SIAM J. Control Optim. 14 (1976) 877-898).
 
 The second step takes conjugate gradients, whose preconditioner is the operator K_F,
 that of P + W on the face. With r = P x + q + G'z + A'y, z the multipliers of G, of
@@ -76,8 +75,7 @@ from namlcp import checks
 from namlcp.linalg import columns
 
 # A point is refined until its residuals over the moduli of their terms are at most
-# ACCURATE, and within tolerance by ROUNDING of these moduli, which the sums may have
-# lost.
+# ACCURATE, and within tolerance by ROUNDING of these moduli.
 ACCURATE, ROUNDING = 1e-12, 4e-15
 # The factor by which each of the CORRECTIONS has to lower the error.
 GAIN = 0.5
@@ -85,8 +83,7 @@ GAIN = 0.5
 LEAST_DIVISOR, INFINITE = columns.LEAST_DIVISOR, checks.INFINITE
 # Dual residual over its terms that shows a multiplier of the wrong sign.
 WRONG = 1e-14
-# rho over that power of 16, if no other is asked for; the value of m.wanted without any
-# weight.
+# rho over that power of 16, if no other is asked for; m.wanted without any weight.
 RHO, NO_WEIGHT = 1e-4, -1.0
 # Diagonal entry of P, over the largest one, up to which it counts as 0.
 LEAST_SHAPE = 1e-36
@@ -107,16 +104,12 @@ OPEN = 0.1
 # RAY_GAIN: the gain of one of the RAY_PASSES below which it was the last; the largest
 # P d over d, in scaled variables, and that at which no pass follows.
 RAY_GAIN, MOST_CURVED, CLEAN = 0.9, 1e-9, 1e-14
-# Growth of a row, over its norm, along a direction of size 1, up to which it is
-# rounding.
+# Growth of a row of norm 1 along a direction of size 1 up to which it is rounding.
 LEAST_GROWTH = 1e-11
 
 
 def is_faulty(m):
-    """Tell whether a number in the vectors is not allowed, or two sides are opposed.
-
-    Not allowed are NaN, infinite entries of q and b, and sides beyond `INFINITE`.
-    """
+    """Tell whether two sides are opposed, or a number is NaN, infinite or huge."""
     fine: cython.bint = True
     most = INFINITE
     for j in range(m.n):
@@ -226,10 +219,9 @@ def clip_point(m):
 
 
 def measure(m):
-    """Set z_box to minus the gradient at active bounds; measure the point.
+    """Set z_box to minus the gradient at active bounds; measure a point with products.
 
-    Needs the products of the point. Returns the largest residual over the moduli of its
-    terms, with the active rows as equations.
+    Returns the largest residual over its terms, with the active rows as equations.
     """
     t: Terms
     primal = 0.0
@@ -288,10 +280,7 @@ def set_correction(m):
 
 
 def set_change(m):
-    """Let m.change lead to the active sides: less sum dmu_i w_i, with dmu in m.work.
-
-    It holds the values of K^-1 m.rhs before.
-    """
+    """Let m.change, of K^-1 m.rhs, lead to the active sides, with dmu in m.work."""
     for i in range(m.k):
         row = m.active[i]
         m.work[i] = m.change[row] + m.s[row] - goal_of(m, row, m.side[row])
@@ -412,10 +401,7 @@ def add_weighted(m, v, sum):
 
 
 def set_direction(m, before):
-    """Set m.along to the next conjugate direction, and m.Palong; return the energy e.
-
-    before: the energy of the last pass, 0 if there is none.
-    """
+    """Set m.along and m.Palong; return e. before: that of the last pass, or 0."""
     dx = m.change + m.m
     m.times_cost(dx, m.Palong)
     energy = add_weighted(m, dx, dot(dx, m.Palong, m.n))
@@ -463,8 +449,7 @@ def longest_step(m, along):
 def is_ray(m):
     """Tell whether a direction d near m.along, without curvature, is a ray in z_box.
 
-    Inverse iteration on the face, d = K_F^-1 W d, takes away what is curved. Overwrites
-    m.change, m.work and m.Palong.
+    Inverse iteration on the face, d = K_F^-1 W d, takes away what is curved.
     """
     n, ray = m.n, m.z_box
     ratio, last = 0.0, INFINITY
@@ -495,9 +480,9 @@ def is_ray(m):
 
 
 def refine_contradiction(m):
-    """Refine y and z, multipliers that contradict the rows: G'z + A'y = 0 off bounds.
+    """Refine y and z, multipliers of active rows, or of the one that enters.
 
-    Rows with multipliers are active, or entering. P does not matter here.
+    They contradict the rows: G'z + A'y = 0 off bounds. P does not matter here.
     """
     for _ in range(REFINEMENTS):
         m.set_products(False)
@@ -520,10 +505,7 @@ def refine_contradiction(m):
 
 
 def set_shape(m):
-    """Make m.shape, the diagonal of P in it, that of D; set the norms of x.
-
-    m.largest is the largest diagonal entry of P.
-    """
+    """Make m.shape, the diagonal of P in it, that of D; set the norms of x."""
     total, count = 0.0, 0
     for j in range(m.n):
         if m.shape[j] > LEAST_SHAPE * m.largest:

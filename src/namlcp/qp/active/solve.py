@@ -1,9 +1,8 @@
 """The door to the active-set method: from arrays to a result, or an `Outcome`.
 
 `solve_small` is for one QP as it comes from the user, `solve_dense` for one on the
-`route`, `solve_items` for a batch. `kept_for`, `solve` and `step` serve those who keep
-the object, which holds what a solve leaves for the next one: factors, responses, and
-the active rows to begin with. What it returns depends on the data alone, not on the
+`route`, `solve_items` for a batch, the others for those who keep the object with what a
+solve leaves for the next one. What it returns depends on the data alone, not on the
 solves before, up to the rounding errors of degenerate QPs.
 """
 
@@ -116,10 +115,7 @@ def take_settings(m, settings, until):
 
 
 def run(m):
-    """Solve the QP at hand: m.code tells how it ended, m.point has x, y, z and z_box.
-
-    Raises what a signal's handler has raised.
-    """
+    """Solve the QP at hand: m.code tells how that ended, m.point is the point."""
     x, y, z = new_vector(m.n), new_vector(m.p), new_vector(m.m)
     z_box = new_vector(m.n)
     m.point = x, y, z, z_box
@@ -213,10 +209,7 @@ def solve_small(
 
 
 def small_form(C):
-    """Return a small float64 matrix stored by columns as a copy by rows.
-
-    Others as given.
-    """
+    """Return a small float64 matrix by columns as a copy by rows, others as given."""
     if C is None or fits(C, 2) or not cnp.PyArray_CheckExact(C):
         return C
     is_by_columns: cython.bint = fits(cnp.PyArray_Transpose(C, cython.NULL), 2)
@@ -226,10 +219,7 @@ def small_form(C):
 
 
 def tiny_form(C, n):
-    """Return a clean matrix in CSC with n columns as an array, None if it is not tiny.
-
-    The same where there is no such matrix.
-    """
+    """Return a tiny clean matrix in CSC with n columns as an array, None for others."""
     if type(C) is not csc_array and type(C) is not csc_matrix:
         return None
     data, indices, indptr = C.data, C.indices, C.indptr
@@ -310,10 +300,9 @@ def answer_of(m: ActiveSet, judge, chain):
 
 
 def kept_for(qp):
-    """Return a `NullSpace` or `SparseActiveSet` for these matrices, None for neither.
+    """Return a `NullSpace` or `SparseActiveSet` for these matrices, which it holds.
 
-    None where they are sparse, and so large or full that other methods are quicker. It
-    holds their arrays, which must not change, and is for one thread.
+    None where they are sparse, and so large or full that other methods are quicker.
     """
     n, p = qp.q.size, qp.b.size
     if not qp.is_dense and (p > n or n + qp.h.size + p > MOST_LENGTH):
@@ -350,10 +339,7 @@ def suggest(m: ActiveSet, guess):
 
 
 def suggest_signs(m, z, z_box):
-    """Begin the next solve with the rows whose multipliers have these signs.
-
-    With none if there are too many of them.
-    """
+    """Begin the next solve with the rows of these signs, with none if too many."""
     forget_rows(m)
     for row in range(m.rows):
         sign = z[row] if row < m.m else z_box[row - m.m]
@@ -387,7 +373,7 @@ def is_met(side, value):
 def suggest_solution(m, point):
     """Begin with the rows that have multipliers in a solution; False if it is none.
 
-    With none where the solution has no point, or a certificate.
+    With no rows where it has no point, or a certificate.
     """
     x, y = getattr(point, "x", m), getattr(point, "y", m)
     z, z_box = getattr(point, "z", m), getattr(point, "z_box", m)
