@@ -142,7 +142,7 @@ class DenseActiveSet(ActiveSet):
         A small W leaves little to the passes, and lets rows contradict each other by
         rounding.
         """
-        found = proved(self, solve_dense(self))
+        found = solve_dense(self)
         if (found != STUCK and found != UNPROVED) or self.wanted != 0.0:
             return found
         if self.pivots > self.max_iter or self.operations > self.most_operations:
@@ -150,7 +150,7 @@ class DenseActiveSet(ActiveSet):
         self.wanted = LESS_RHO if found == STUCK else MORE_RHO
         self.is_ready = False
         forget_rows(self)
-        found = proved(self, solve_dense(self))
+        found = solve_dense(self)
         self.wanted, self.is_ready = 0.0, False  # for the next QP
         return found
 
@@ -332,7 +332,6 @@ def prepare(m):
 
 
 def solve_dense(m):
-    """Solve the QP at the pointers; certificates are candidates."""
     m.pivots = 0
     if is_faulty(m):
         return UNSUITED
@@ -345,8 +344,9 @@ def solve_dense(m):
     if m.rho != 0.0 and m.rho != wanted_rho(m) and not set_up(m):
         return UNSUITED
     if m.skipped > 0 and contradicts_equations(m):
-        return CONTRADICTION
-    return solve_at_hand(m)
+        return proved(m, CONTRADICTION)
+    found = solve_at_hand(m)
+    return proved(m, found) if found == CONTRADICTION or found == UNBOUNDED else found
 
 
 def proved(m, found):
@@ -355,8 +355,6 @@ def proved(m, found):
     G: Matrix
     A: Matrix
     c: Claim
-    if found != CONTRADICTION and found != UNBOUNDED:
-        return found
     numbers, claim = cython.address(m.found), cython.address(c)
     P.lines, P.width, P.values, P.starts = m.n, m.n, m.P, cython.NULL
     G.lines, G.width, G.values, G.starts = m.m, m.n, m.G, cython.NULL

@@ -33,7 +33,6 @@ from cython.cimports.namlcp.linalg.dense import (
 from cython.cimports.namlcp.linalg.vectors import add_scaled, copy, dot, fill
 from cython.cimports.namlcp.qp.active.dense import (
     DenseActiveSet,
-    proved,
     set_unit_load,
     solve_dense,
 )
@@ -75,12 +74,12 @@ class NullSpace(DenseActiveSet):
         """
         if self.is_free and self.is_ready and self.k > 0:
             self.on_face = True
-            found = proved(self, solve_dense(self))
+            found = solve_dense(self)
             self.on_face, self.face_is_kept = False, found == DONE
             if found != STUCK:
                 return found
             self.hints, self.k = self.k, 0
-        found = proved(self, solve_dense(self))
+        found = solve_dense(self)
         bounds: Py_ssize_t = 0
         for i in range(self.k):
             bounds += self.active[i] >= self.m
