@@ -55,6 +55,7 @@ from cython.cimports.namlcp.qp.active.rounds import (
     NO_WEIGHT,
     RHO,
     is_faulty,
+    refine_contradiction,
     set_shape,
     solve_at_hand,
     wanted_rho,
@@ -141,7 +142,7 @@ class DenseActiveSet(ActiveSet):
         A small W leaves little to the passes, and lets rows contradict each other by
         rounding.
         """
-        found = proved(self, solve_dense(self))
+        found = solve_dense(self)
         if (found != STUCK and found != UNPROVED) or self.wanted != 0.0:
             return found
         if self.pivots > self.max_iter or self.operations > self.most_operations:
@@ -149,7 +150,7 @@ class DenseActiveSet(ActiveSet):
         self.wanted = LESS_RHO if found == STUCK else MORE_RHO
         self.is_ready = False
         forget_rows(self)
-        found = proved(self, solve_dense(self))
+        found = solve_dense(self)
         self.wanted, self.is_ready = 0.0, False  # for the next QP
         return found
 
@@ -160,8 +161,7 @@ class DenseActiveSet(ActiveSet):
 def set_up(m):
     """Factor P, or what takes its place; False where the matrices do not allow it.
 
-    They do not if a number is NaN or infinite, or P is not symmetric or not
-    semidefinite. m.wanted > 0 asks for P + W.
+    m.wanted > 0 asks for P + W.
     """
     if m.p > MOST_EQUATIONS * (m.n + 2) or not is_sound(m):
         return False
@@ -332,7 +332,6 @@ def prepare(m):
 
 
 def solve_dense(m):
-    """Solve the QP at the pointers of m; certificates are candidates."""
     m.pivots = 0
     if is_faulty(m):
         return UNSUITED
@@ -345,8 +344,9 @@ def solve_dense(m):
     if m.rho != 0.0 and m.rho != wanted_rho(m) and not set_up(m):
         return UNSUITED
     if m.skipped > 0 and contradicts_equations(m):
-        return CONTRADICTION
-    return solve_at_hand(m)
+        return proved(m, CONTRADICTION)
+    found = solve_at_hand(m)
+    return proved(m, found) if found == CONTRADICTION or found == UNBOUNDED else found
 
 
 def proved(m, found):
@@ -355,8 +355,6 @@ def proved(m, found):
     G: Matrix
     A: Matrix
     c: Claim
-    if found != CONTRADICTION and found != UNBOUNDED:
-        return found
     numbers, claim = cython.address(m.found), cython.address(c)
     P.lines, P.width, P.values, P.starts = m.n, m.n, m.P, cython.NULL
     G.lines, G.width, G.values, G.starts = m.m, m.n, m.G, cython.NULL
@@ -406,11 +404,9 @@ def contradicts_equations(m):
     fill(m.y, 0.0, m.p)
     fill(m.z, 0.0, m.m)
     m.y[at] = 1.0
-    for _ in range(2):  # A'y = 0, and refined
-        fill(m.rhs, 0.0, m.n + m.p)
-        add_times_transposed(m.A, m.p, m.n, m.y, m.rhs)
-        m.set_values(m.rhs, m.change)
-        add_scaled(-1.0, m.change + m.rows, m.y, m.p)
+    k, m.k, m.entering = m.k, 0, -1
+    refine_contradiction(m)
+    m.k = k
     if dot(m.b, m.y, m.p) > 0.0:
         for i in range(m.p):
             m.y[i] = -m.y[i]

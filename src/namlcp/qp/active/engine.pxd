@@ -10,10 +10,10 @@ cdef enum:
 
 cpdef enum Code:
     # How a part of a solve ended. STUCK: another form or method has to solve the QP;
-    # UNSUITED: as its matrices are not suited, a number is not allowed, or two sides are
-    # opposed. SUMMED: as DONE, but the terms are so large that the order of their sums
-    # matters. CONTRADICTION, UNBOUNDED: there is a candidate for a certificate; of a dense
-    # QP at last the certificate itself, else UNPROVED. MOVED: it has not ended.
+    # UNSUITED: so, by its numbers. SUMMED: as DONE, but the terms are so large that the
+    # order of their sums matters. CONTRADICTION, UNBOUNDED: there is a candidate for a
+    # certificate; of a dense QP at last the certificate itself, else UNPROVED. MOVED: it
+    # has not ended.
     DONE
     CONTRADICTION
     LATE
@@ -30,8 +30,8 @@ cdef class ActiveSet(Watched):
         # The vectors of the problem, and where the point is to be; not owned.
         const double *q, *h, *b, *lb, *ub
         double *x, *y, *z, *z_box
-        # Sizes; rows = m + n inequalities and bounds, length = rows + p; the most active
-        # rows, the most responses; equations that depend on others.
+        # rows = m + n inequalities and bounds, length = rows + p; the most active rows and
+        # responses; equations that depend on others.
         Py_ssize_t n, m, p, rows, length, most, capacity, skipped
         # Values at the base point and now, their change for a multiplier that grows; 1
         # over the norms of the rows.
@@ -41,8 +41,7 @@ cdef class ActiveSet(Watched):
         Py_ssize_t *active, *side
         double *multiplier, *triangle
         # Active rows; rows of a hint, in the place of active ones until the next solve;
-        # whether rows have changed since mu and s were computed from these; whether no
-        # other solve follows.
+        # whether mu and s are not those of the rows; whether no other solve follows.
         readonly Py_ssize_t k, hints
         bint changed, is_single
         # L^-1 w_F, S^-1 w_F, right-hand sides of S, Givens rotations.
@@ -51,11 +50,10 @@ cdef class ActiveSet(Watched):
         double *responses
         Py_ssize_t *place, *owner
         Py_ssize_t next_place
-        # Products of the point; right-hand sides; the change of a refinement; the best
-        # values and multipliers before it.
+        # Products of the point; right-hand sides; a refinement, and what was best before.
         double *Px, *Gx, *Ax, *Gtz, *Aty, *rhs, *change, *best, *best_multiplier
-        # Of `rounds`: W, what it is made of; the centre of a round; the
-        # direction of conjugate gradients with the values of rows, and P times it.
+        # Of `rounds`: W, what it is made of; the centre; the values of rows for the
+        # direction of conjugate gradients, and P times it.
         double *weight, *shape, *reach, *centre, *along, *Palong
         # rho in W, 0 without W; what it is to be over that of the data, 0 for W only
         # where P has no good factor, NO_WEIGHT for never; the largest diagonal entry of P.
@@ -69,12 +67,10 @@ cdef class ActiveSet(Watched):
         Py_ssize_t entering, entering_side
         readonly Py_ssize_t pivots, max_iter
         double own
-        # The violation over the moduli of its terms that counts as rounding; curvature
-        # of a row of norm 1 up to which the equations fix it.
+        # The violation over its terms that counts as rounding; curvature of a row of norm
+        # 1 up to which the equations fix it; `size_of` s0, 0 on the face of `null`.
         double level, least_curvature
-        # The largest |x_j| over the norm of its row in s0, 0 on the face of `null`.
         double base_size
-        # Operations so far, those from which on the method gives up.
         readonly double operations, most_operations
         double eps_abs, eps_rel
         Numbers found

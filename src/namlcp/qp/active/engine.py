@@ -108,11 +108,10 @@ class ActiveSet(Watched):
         return True
 
     def project(self, row):
-        """Set the changes of the values and multipliers for the multiplier of a row.
+        """Set m.direction and m.ratio, the changes for the multiplier of a row.
 
-        They are in m.direction and m.ratio. Returns the squared length of the part of
-        the row orthogonal to the active ones: 0.0, with no change of (G x, x), if it
-        depends on them.
+        Returns the squared length of the part of the row orthogonal to the active ones:
+        0.0, with no change of (G x, x), if it depends on them.
         """
         k, rest = self.k, rest_of(self, row)
         is_new: cython.bint = is_independent(self, row, rest, DEPENDENT)
@@ -148,8 +147,7 @@ class ActiveSet(Watched):
     def finish(self):
         """Step 3: mu and s as functions of the active rows alone; False if these fail.
 
-        Where no row has entered or left, step 1 has computed just that. A single solve
-        goes without, as there is no other that its answer could differ from; one with
+        A single solve goes without, as no other could give another answer; one with
         many active rows takes mu and s of the L at hand.
         """
         if self.changed and not self.is_single:
@@ -200,10 +198,7 @@ def lay_out_rows(m):
 
 
 def make_room(m):
-    """Give all vectors their places, at first in new memory, and forget the factors.
-
-    The active rows of a QP with other matrices become a hint.
-    """
+    """Give all vectors their places, at first in new memory, and forget the factors."""
     is_new: cython.bint = m.memory == cython.NULL
     m.memory_end = 0
     m.lay_out()
@@ -239,9 +234,9 @@ def response_of(m, row):
 
 
 def claim_place(m, row):
-    """Return the vector that the response to `row` is to be written to, at once.
+    """Return where the response to `row` is to be written to, at once.
 
-    With all places taken, the response of a row that is not active is forgotten.
+    With all places taken, that of a row that is not active is forgotten.
     """
     at = m.next_place
     while m.owner[at] >= 0 and (m.side[m.owner[at]] != 0 or m.owner[at] == m.entering):
@@ -312,10 +307,7 @@ def rest_of(m, row):
 
 
 def is_independent(m, row, rest, limit):
-    """Tell whether a row with this `rest_of` can join equations and active rows.
-
-    No more can than the rank of the equations leaves.
-    """
+    """Tell whether a row with this `rest_of` can join equations and active rows."""
     scale, whole = m.scale[row], response_of(m, row)[row]
     if m.k == m.most or m.k >= m.n - m.p + m.skipped:
         return False
@@ -459,10 +451,7 @@ def excuse(m):
 
 
 def pivot(m):
-    """Step 2, as often as a row is violated: DONE, or why it ended before.
-
-    After CONTRADICTION y and z are the candidate.
-    """
+    """Step 2, as often as a row is violated: DONE, or why it ended before."""
     while True:
         if m.entering < 0:
             choose_entering(m)

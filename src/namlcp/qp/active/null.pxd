@@ -11,14 +11,13 @@ cdef class NullSpace(DenseActiveSet):
         double *free_triangle
         # T, a held row every most_free numbers, and R with R R' = T T'.
         double *held_rows, *held_triangle
-        # P_B x_B; right-hand sides and solutions of the system of the face; what is left
-        # of a gradient, or of a row and zeros for the equations.
+        # P_B x_B; right-hand sides and solutions on the face; what is left of a gradient,
+        # or of a row.
         double *load, *free_part, *held_part, *slope
         # Free variables, and at most (0: never this form); active rows of G, which come
-        # before the active bounds.
+        # first.
         Py_ssize_t free_count, most_free, held
-        # Whether the next solve has this form; whether the face is that of the last
-        # solved QP.
+        # Whether the next solve has this form; whether the face is that of the last.
         readonly bint is_free, face_is_kept
 
 

@@ -33,7 +33,6 @@ from cython.cimports.namlcp.linalg.dense import (
 from cython.cimports.namlcp.linalg.vectors import add_scaled, copy, dot, fill
 from cython.cimports.namlcp.qp.active.dense import (
     DenseActiveSet,
-    proved,
     set_unit_load,
     solve_dense,
 )
@@ -49,7 +48,7 @@ from cython.cimports.namlcp.qp.active.engine import (
     remove_place,
 )
 
-# LEAST_FREE: least variables for this form; with fewer it would gain nothing.
+# LEAST_FREE: least variables for which this form gains anything.
 
 
 class NullSpace(DenseActiveSet):
@@ -75,12 +74,12 @@ class NullSpace(DenseActiveSet):
         """
         if self.is_free and self.is_ready and self.k > 0:
             self.on_face = True
-            found = proved(self, solve_dense(self))
+            found = solve_dense(self)
             self.on_face, self.face_is_kept = False, found == DONE
             if found != STUCK:
                 return found
             self.hints, self.k = self.k, 0
-        found = proved(self, solve_dense(self))
+        found = solve_dense(self)
         bounds: Py_ssize_t = 0
         for i in range(self.k):
             bounds += self.active[i] >= self.m
@@ -91,7 +90,6 @@ class NullSpace(DenseActiveSet):
         return found
 
     def times_cost(self, x, Px):
-        """Set Px = P x; on the face, from the load of the active bounds."""
         if not self.on_face:
             DenseActiveSet.times_cost(self, x, Px)
             return
@@ -204,7 +202,7 @@ def set_free_part(m, vector, out):
 
 
 def append_free(m, j):
-    """Append variable j to L; tell whether there is room, and P allows it."""
+    """Append variable j to L, if there is room and P allows it."""
     count, row, b = m.free_count, m.P + j * m.n, m.free_part
     if count == m.most_free:
         return False
@@ -220,7 +218,6 @@ def append_free(m, j):
 
 
 def fix(m, j):
-    """Fix a variable at its active bound: remove it from L."""
     at: Py_ssize_t = 0
     while m.free[at] != j:
         at += 1
@@ -253,8 +250,8 @@ def factor_held(m):
 def solve_face(m, values):
     """Solve P_FF x + C_F' r = f, C_F x = g: f is in m.free_part, g in m.held_part.
 
-    x and r take their places, and go to values = (G x, x, y), without G x. Returns the
-    squared length of the part of L^-1 f orthogonal to T; 0.0 where it depends on T.
+    x and r take their places, and go to values, without G x. Returns the squared length
+    of the part of L^-1 f orthogonal to T; 0.0 where it depends on T.
     """
     count, held, f, r = m.free_count, m.p + m.held, m.free_part, m.held_part
     triangle_solve(m.free_triangle, count, f)
@@ -285,7 +282,7 @@ def set_load(m):
 
 
 def set_face_point(m):
-    """Set x_F and r, the latter in m.held_part, from the load."""
+    """Set x_F, and r in m.held_part."""
     x = m.s + m.m
     for i in range(m.free_count):
         j = m.free[i]

@@ -8,6 +8,7 @@ cdef enum:
     CORRECTIONS = 3
     MOST_ROUNDS = 20
     RETRIES = 2
+    REFINEMENTS = 2
     PASSES = 60
     IDLE = 3
     STEADY = 2
@@ -18,6 +19,7 @@ cdef bint is_faulty(ActiveSet m) noexcept nogil
 cdef Code solve_at_hand(ActiveSet m) noexcept nogil
 cdef Code solve_by_rounds(ActiveSet m) noexcept nogil
 cdef Code settle(ActiveSet m) noexcept nogil
+cdef void refine_contradiction(ActiveSet m) noexcept nogil
 cdef void set_shape(ActiveSet m) noexcept nogil
 cdef double wanted_rho(ActiveSet m) noexcept nogil
 cdef void set_point(ActiveSet m) noexcept nogil
@@ -27,6 +29,7 @@ cdef bint are_within(ActiveSet m, double rounding) noexcept nogil
 cdef Code verdict(ActiveSet m) noexcept nogil
 cdef void set_correction(ActiveSet m) noexcept nogil
 cdef void set_change(ActiveSet m) noexcept nogil
+cdef void set_held_change(ActiveSet m) noexcept nogil
 cdef void take_change(ActiveSet m) noexcept nogil
 cdef Code judge(ActiveSet m, Code found) noexcept nogil
 cdef Code descend(ActiveSet m) noexcept nogil

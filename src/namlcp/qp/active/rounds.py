@@ -15,8 +15,7 @@ If the point at hand has the right signs and violates no row, the QP is solved. 
 is the next centre, as it is RETRIES times where wrong signs are within tolerance; so is
 the point where the second step meets the first row that is not active. Every centre is
 feasible and the cost falls from round to round, so that no F comes back (Rockafellar,
-SIAM J. Control Optim. 14 (1976) 877-898). The answer depends on the data alone, as c =
-0 at the beginning of every solve.
+SIAM J. Control Optim. 14 (1976) 877-898).
 
 The second step takes conjugate gradients, whose preconditioner is the operator K_F,
 that of P + W on the face. With r = P x + q + G'z + A'y, z the multipliers of G, of
@@ -54,6 +53,7 @@ from cython.cimports.namlcp.linalg.vectors import (
 from cython.cimports.namlcp.measure import Terms
 from cython.cimports.namlcp.measure import measure as measure_terms
 from cython.cimports.namlcp.qp.active.engine import (
+    CONTRADICTION,
     DONE,
     LATE,
     MOVED,
@@ -74,8 +74,7 @@ from cython.cimports.namlcp.qp.active.engine import (
 from namlcp import checks
 
 # A point is refined until its residuals over the moduli of their terms are at most
-# ACCURATE, and within tolerance by ROUNDING of these moduli, which the sums may have
-# lost.
+# ACCURATE, and within tolerance by ROUNDING of these moduli.
 ACCURATE, ROUNDING = 1e-12, 4e-15
 # The factor by which each of the CORRECTIONS has to lower the error.
 GAIN = 0.5
@@ -83,8 +82,7 @@ GAIN = 0.5
 LEAST_DIVISOR, INFINITE = checks.LEAST_DIVISOR, checks.INFINITE
 # Dual residual over its terms that shows a multiplier of the wrong sign.
 WRONG = 1e-14
-# rho over that power of 16, if no other is asked for; the value of m.wanted without any
-# weight.
+# rho over that power of 16, if no other is asked for; m.wanted without any weight.
 RHO, NO_WEIGHT = 1e-4, -1.0
 # Diagonal entry of P, over the largest one, up to which it counts as 0.
 LEAST_SHAPE = 1e-36
@@ -105,16 +103,12 @@ OPEN = 0.1
 # RAY_GAIN: the gain of one of the RAY_PASSES below which it was the last; the largest
 # P d over d, in scaled variables, and that at which no pass follows.
 RAY_GAIN, MOST_CURVED, CLEAN = 0.9, 1e-9, 1e-14
-# Growth of a row, over its norm, along a direction of size 1, up to which it is
-# rounding.
+# Growth of a row of norm 1 along a direction of size 1 up to which it is rounding.
 LEAST_GROWTH = 1e-11
 
 
 def is_faulty(m):
-    """Tell whether a number in the vectors is not allowed, or two sides are opposed.
-
-    Not allowed are NaN, infinite entries of q and b, and sides beyond `INFINITE`.
-    """
+    """Tell whether two sides are opposed, or a number is NaN, infinite or huge."""
     fine: cython.bint = True
     most = INFINITE
     for j in range(m.n):
@@ -132,13 +126,18 @@ def solve_at_hand(m):
     """Solve the QP at the pointers of m, whose factors are there."""
     m.entering, m.level = -1, VIOLATION_ROUNDING
     if m.rho != 0.0:
-        return solve_by_rounds(m)
-    if not (m.begin() and drop_wrong_signs(m)):
-        return STUCK
-    found = pivot(m)
-    if found == DONE and not m.finish():
-        return STUCK
-    return judge(m, found) if found == DONE or found == LATE else found
+        found = solve_by_rounds(m)
+    elif m.begin() and drop_wrong_signs(m):
+        found = pivot(m)
+        if found == DONE and not m.finish():
+            found = STUCK
+        if found == DONE or found == LATE:
+            found = judge(m, found)
+    else:
+        found = STUCK
+    if found == CONTRADICTION and not m.on_face:
+        refine_contradiction(m)
+    return found
 
 
 def solve_by_rounds(m):
@@ -219,10 +218,9 @@ def clip_point(m):
 
 
 def measure(m):
-    """Set z_box to minus the gradient at active bounds; measure the point.
+    """Set z_box to minus the gradient at active bounds; measure a point with products.
 
-    Needs the products of the point. Returns the largest residual over the moduli of its
-    terms, with the active rows as equations.
+    Returns the largest residual over its terms, with the active rows as equations.
     """
     t: Terms
     primal = 0.0
@@ -281,13 +279,18 @@ def set_correction(m):
 
 
 def set_change(m):
-    """Let m.change lead to the active sides: less sum dmu_i w_i, with dmu in m.work.
-
-    It holds the values of K^-1 m.rhs before.
-    """
+    """Let m.change, of K^-1 m.rhs, lead to the active sides, with dmu in m.work."""
     for i in range(m.k):
         row = m.active[i]
         m.work[i] = m.change[row] + m.s[row] - goal_of(m, row, m.side[row])
+    subtract_active(m, m.work, m.change)
+
+
+def set_held_change(m):
+    """Set m.change to K^-1 m.rhs less a sum of m.work_i w_i: 0 at active rows."""
+    m.set_values(m.rhs, m.change)
+    for i in range(m.k):
+        m.work[i] = m.change[m.active[i]]
     subtract_active(m, m.work, m.change)
 
 
@@ -397,10 +400,7 @@ def add_weighted(m, v, sum):
 
 
 def set_direction(m, before):
-    """Set m.along to the next conjugate direction, and m.Palong; return the energy e.
-
-    before: the energy of the last pass, 0 if there is none.
-    """
+    """Set m.along and m.Palong; return e. before: that of the last pass, or 0."""
     dx = m.change + m.m
     m.times_cost(dx, m.Palong)
     energy = add_weighted(m, dx, dot(dx, m.Palong, m.n))
@@ -448,8 +448,7 @@ def longest_step(m, along):
 def is_ray(m):
     """Tell whether a direction d near m.along, without curvature, is a ray in z_box.
 
-    Inverse iteration on the face, d = K_F^-1 W d, takes away what is curved. Overwrites
-    m.change, m.work and m.Palong.
+    Inverse iteration on the face, d = K_F^-1 W d, takes away what is curved.
     """
     n, ray = m.n, m.z_box
     ratio, last = 0.0, INFINITY
@@ -458,10 +457,7 @@ def is_ray(m):
     for _ in range(RAY_PASSES):
         for j in range(n):
             m.rhs[j] = m.weight[j] * ray[j]
-        m.set_values(m.rhs, m.change)
-        for i in range(m.k):
-            m.work[i] = m.change[m.active[i]]
-        subtract_active(m, m.work, m.change)
+        set_held_change(m)
         copy(m.change + m.m, ray, n)
         for i in range(m.k):
             if m.active[i] >= m.m:
@@ -479,14 +475,36 @@ def is_ray(m):
     return longest_step(m, m.change) == INFINITY
 
 
+# ---- certificates
+
+
+def refine_contradiction(m):
+    """Refine y and z, multipliers of active rows, or of the one that enters.
+
+    They contradict the rows: G'z + A'y = 0 off bounds. P does not matter here.
+    """
+    for _ in range(REFINEMENTS):
+        m.set_products(False)
+        for j in range(m.n):
+            m.rhs[j] = -(m.Gtz[j] + m.Aty[j])
+        fill(m.rhs + m.n, 0.0, m.p)
+        for i in range(m.k):
+            if m.active[i] >= m.m:
+                m.rhs[m.active[i] - m.m] = 0.0
+        if m.entering >= m.m:
+            m.rhs[m.entering - m.m] = 0.0
+        set_held_change(m)
+        for i in range(m.k):
+            if m.active[i] < m.m:
+                m.z[m.active[i]] += m.work[i]
+        add_scaled(1.0, m.change + m.rows, m.y, m.p)
+
+
 # ---- the weights
 
 
 def set_shape(m):
-    """Make m.shape, the diagonal of P in it, that of D; set the norms of x.
-
-    m.largest is the largest diagonal entry of P.
-    """
+    """Make m.shape, the diagonal of P in it, that of D; set the norms of x."""
     total, count = 0.0, 0
     for j in range(m.n):
         if m.shape[j] > LEAST_SHAPE * m.largest:

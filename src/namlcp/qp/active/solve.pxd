@@ -24,8 +24,6 @@ cdef const double* bound_at(object side, double* place, Py_ssize_t n, double val
 cpdef int attach(DenseActiveSet m, object P, object G, object A, bint is_single) except -1
 cdef object small_form(object C)
 cdef object tiny_form(object C, Py_ssize_t n)
-cdef bint is_certain(DenseActiveSet m) noexcept nogil
-cdef double norm(const double* v, Py_ssize_t n) noexcept nogil
 cdef void suggest_signs(ActiveSet m, const double* z, const double* z_box) noexcept
 cdef bint suggest_point(DenseActiveSet m, object x0)
 cdef bint is_met(double side, double value) noexcept

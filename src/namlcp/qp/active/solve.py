@@ -1,9 +1,8 @@
 """The door to the active-set method: from arrays to a result, or an `Outcome`.
 
 `solve_small` is for one QP as it comes from the user, `solve_dense` for one on the
-`route`, `solve_items` for a batch. `kept_for`, `solve` and `step` serve those who keep
-the object, which holds what a solve leaves for the next one: factors, responses, and
-the active rows to begin with. What it returns depends on the data alone, not on the
+`route`, `solve_items` for a batch, the others for those who keep the object with what a
+solve leaves for the next one. What it returns depends on the data alone, not on the
 solves before, up to the rounding errors of degenerate QPs.
 """
 
@@ -13,7 +12,7 @@ import cython
 import numpy as np
 from cython import Py_ssize_t
 from cython.cimports import numpy as cnp
-from cython.cimports.libc.math import INFINITY, fabs, sqrt
+from cython.cimports.libc.math import INFINITY, fabs
 from cython.cimports.libc.string import memcpy
 from cython.cimports.namlcp.limits import begin_watch, raise_kept
 from cython.cimports.namlcp.linalg.arrays import (
@@ -25,7 +24,6 @@ from cython.cimports.namlcp.linalg.arrays import (
     places,
 )
 from cython.cimports.namlcp.linalg.vectors import copy, dot, fill
-from cython.cimports.namlcp.measure import rounding_errors
 from cython.cimports.namlcp.qp.active.dense import DenseActiveSet
 from cython.cimports.namlcp.qp.active.engine import (
     CONTRADICTION,
@@ -117,10 +115,7 @@ def take_limits(m, options, until):
 
 
 def run(m):
-    """Solve the QP at hand: m.code tells how it ended, m.point has x, y, z and z_box.
-
-    Raises what a signal's handler has raised.
-    """
+    """Solve the QP at hand: m.code tells how that ended, m.point is the point."""
     x, y, z = new_vector(m.n), new_vector(m.p), new_vector(m.m)
     z_box = new_vector(m.n)
     m.point = x, y, z, z_box
@@ -202,7 +197,7 @@ def solve_small(kind, options, start, keeps, given: tuple, x0=None, warm_start=N
         return None
     ready: cython.double = clock()
     run(m)
-    if m.code not in OUTCOMES or (is_copied and m.code == DONE and not is_certain(m)):
+    if m.code not in OUTCOMES:
         return None
     result: ResultBase = result_of(m, kind, given, start, ready)
     result.stamp = stamp_of(given)
@@ -212,10 +207,7 @@ def solve_small(kind, options, start, keeps, given: tuple, x0=None, warm_start=N
 
 
 def small_form(C):
-    """Return a small float64 matrix stored by columns as a copy by rows.
-
-    Others as given.
-    """
+    """Return a small float64 matrix by columns as a copy by rows, others as given."""
     if C is None or fits(C, 2) or not cnp.PyArray_CheckExact(C):
         return C
     is_by_columns: cython.bint = fits(cnp.PyArray_Transpose(C, cython.NULL), 2)
@@ -225,10 +217,7 @@ def small_form(C):
 
 
 def tiny_form(C, n):
-    """Return a clean matrix in CSC with n columns as an array, None if it is not tiny.
-
-    The same where there is no such matrix.
-    """
+    """Return a tiny clean matrix in CSC with n columns as an array, None for others."""
     if type(C) is not csc_array and type(C) is not csc_matrix:
         return None
     data, indices, indptr = C.data, C.indices, C.indptr
@@ -253,24 +242,6 @@ def tiny_form(C, n):
             before = at[t]
             out[before * n + j] = value[t]
     return found
-
-
-def is_certain(m):
-    """Tell whether the residuals are within tolerance in any order of their sums."""
-    n, found, eps, relative = m.n, m.found, m.eps_abs, m.eps_rel
-    primal, dual, gap = rounding_errors(
-        norm(m.P, n * n), norm(m.G, m.m * n), norm(m.A, m.p * n),
-        norm(m.x, n), norm(m.y, m.p), norm(m.z, m.m),
-    )  # fmt: skip
-    return (
-        found.primal + primal <= eps + relative * found.primal_size
-        and found.dual + dual <= eps + relative * found.dual_size
-        and found.gap + gap <= eps + relative * found.gap_size
-    )
-
-
-def norm(v, n):
-    return sqrt(dot(v, v, n))
 
 
 def bound_at(side, place, n, value):
@@ -326,10 +297,9 @@ def answer_of(m: ActiveSet, judge, chain):
 
 
 def kept_for(qp):
-    """Return a `NullSpace` or `SparseActiveSet` for these matrices, None for neither.
+    """Return a `NullSpace` or `SparseActiveSet` for these matrices, which it holds.
 
-    None where they are sparse, and so large or full that other methods are quicker. It
-    holds their arrays, which must not change, and is for one thread.
+    None where they are sparse, and so large or full that other methods are quicker.
     """
     n, p = qp.q.size, qp.b.size
     if not qp.is_dense and (p > n or n + qp.h.size + p > MOST_LENGTH):
@@ -366,10 +336,7 @@ def suggest(m: ActiveSet, guess):
 
 
 def suggest_signs(m, z, z_box):
-    """Begin the next solve with the rows whose multipliers have these signs.
-
-    With none if there are too many of them.
-    """
+    """Begin the next solve with the rows of these signs, with none if too many."""
     forget_rows(m)
     for row in range(m.rows):
         sign = z[row] if row < m.m else z_box[row - m.m]
@@ -403,7 +370,7 @@ def is_met(side, value):
 def suggest_solution(m, point):
     """Begin with the rows that have multipliers in a solution; False if it is none.
 
-    With none where the solution has no point, or a certificate.
+    With no rows where it has no point, or a certificate.
     """
     x, y = getattr(point, "x", m), getattr(point, "y", m)
     z, z_box = getattr(point, "z", m), getattr(point, "z_box", m)

@@ -42,12 +42,10 @@ from namlcp.qp.kkt import KKT, equilibrate
 
 # Entries of R and D for rows equilibrated to a largest entry of 1.
 SHIFT = 1e-9
-# Pivot of a variable, over its diagonal entry, below which P alone is too small: R = 0
-# else.
+# Pivot of a variable, over its diagonal entry, from which on R = 0.
 LEAST_PIVOT = 1e-7
 # Residual of a solve with K, over the right-hand side, at which it is not refined
-# further; the gain of a pass below which it was not worth it; the residual that has to
-# be reached.
+# further; the gain that a pass must have; the residual that has to be reached.
 ACCURATE, GAIN, REACHED = 1e-11, 0.5, 1e-9
 # Curvature of a row, in equilibrated units, over the largest one of a trial solve, up
 # to which the equations fix the row.
@@ -142,10 +140,7 @@ class SparseActiveSet:
         forget_responses(self)
 
     def factor_and_try(self):
-        """Factor K~ and choose the passes of refinement by a trial solve.
-
-        False where P and A do not allow accurate solves.
-        """
+        """Factor K~; tell whether P and A allow accurate solves."""
         set_shifted(self, False)
         if not (self.kkt.factor() and least_pivot(self) >= LEAST_PIVOT):
             set_shifted(self, True)
@@ -229,7 +224,7 @@ def set_shifted(m, is_all):
 def least_pivot(m):
     """Return the least pivot of a variable over its diagonal entry of K~, at most 1.
 
-    -1 where a pivot has not the sign that it has in a quasi-definite matrix.
+    -1 where K~ is not quasi-definite.
     """
     place, inverse, largest = m.factors.place, m.factors.inverse, 1.0
     for j in range(m.n):
