@@ -63,8 +63,8 @@ def solve_qp(
         x, y, z and z_box can be differentiated in all arguments: jvp, vjp, any number
         of times, under jit and vmap (which solves all items in one call). A QP that is
         not solved (infeasible, unbounded, out of time) gives NaN, whatever the option
-        `infeasible` says, and derivatives 0:
-        weigh it by `solved` in a loss, with jnp.where.
+        `infeasible` says, and derivatives 0: weigh it by `solved` in a loss, with
+        jnp.where.
 
     Raises
     ------

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from namlcp.checks import refuse_number
-from namlcp.derivatives import BatchDerivative, Found, right_sides
+from namlcp.derivatives import BatchDerivative, right_sides
 from namlcp.qp import QP, Items, Point
 from namlcp.solve import solve_batch, solve_qp
 from namlcp.status import Status
@@ -136,7 +136,7 @@ class Stack:
         return BatchDerivative(items, self.points, used, self.threads)
 
     @cached_property
-    def held(self) -> Found:
+    def held(self) -> Any:
         """The constraints held of each item, and the solution with multipliers used."""
         return self.derivative.solve(tuple(map(np.zeros_like, self.points)))
 

@@ -15,6 +15,5 @@ from namlcp.derivatives.lcp import LCPDerivative
 from namlcp.derivatives.qp import (
     BatchDerivative,
     ClosestDerivative,
-    Found,
     QPDerivative,
 )

@@ -208,7 +208,7 @@ class DenseItem:
 
 
 def differentiate_part(chosen, arrays, out, sides, weak, regular):
-    """Write what a `Found` has of the chosen items, its vectors side by side to `out`.
+    """Write what is found of the chosen items, the gradients side by side to `out`.
 
     arrays: P, q, G, h, A, b, lb, ub, x, y, z, z_box and the gradients in these four, of
     each item, or of one that stands for all. The zeros in `out` stay where K is
