@@ -63,8 +63,8 @@ def solve_qp(
         x, y, z and z_box can be differentiated in all arguments: jvp, vjp, any number
         of times, under jit and vmap (which solves all items in one call). A QP that is
         not solved (infeasible, unbounded, out of time) gives NaN, whatever the option
-        `infeasible` says, and derivatives 0:
-        weigh it by `solved` in a loss, with jnp.where.
+        `infeasible` says, and derivatives 0: weigh it by `solved` in a loss, with
+        jnp.where.
 
     Raises
     ------
@@ -132,11 +132,7 @@ def with_derivative(settings: Any, primals: Any, tangents: Any) -> Any:
 
 
 @jax.jit
-def derivative(
-    found: tuple[jax.Array, ...],
-    data: tuple[jax.Array, ...],
-    changes: tuple[jax.Array, ...],
-) -> tuple[jax.Array, ...]:
+def derivative(found: Any, data: Any, changes: Any) -> tuple[jax.Array, ...]:
     """Return the changes of what `solution` has found for changes of the data."""
     solved = found[4] == 1.0
     # where nothing is solved, NaN must not meet the derivatives, not even times 0

@@ -13,7 +13,7 @@ import numpy as np
 
 from namlcp.checks import refuse_number
 from namlcp.derivatives.gradients import right_sides
-from namlcp.derivatives.qp import BatchDerivative, Found
+from namlcp.derivatives.qp import BatchDerivative
 from namlcp.qp.batch import Items
 from namlcp.qp.problem import QP, Point
 from namlcp.solve.qp import solve_batch, solve_qp
@@ -138,7 +138,7 @@ class Stack:
         return BatchDerivative(items, self.points, used, self.threads)
 
     @cached_property
-    def held(self) -> Found:
+    def held(self) -> Any:
         """The constraints held of each item, and the solution with multipliers used."""
         return self.derivative.solve(tuple(map(np.zeros_like, self.points)))
 

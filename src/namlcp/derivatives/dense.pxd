@@ -23,9 +23,8 @@ cdef class DenseItem:
         # Work space; the array of all these.
         double *work
         object memory
-        # The factors of the solve; whether they serve.
+        # The factors of the solve, if they serve; arrays behind the pointers.
         DenseActiveSet kept
-        bint keeps
         object arrays
 
 cdef Py_ssize_t mark(const Terms* t, const double* share, const double* norms, const double* size, signed char* strict, signed char* whole) noexcept nogil

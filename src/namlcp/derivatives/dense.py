@@ -181,18 +181,16 @@ class DenseItem:
     def take(self, qp, point, kept):
         """Take a single QP with what its solve has left; tell if K has good factors."""
         (P, q, G, h, A, b, lb, ub), n = qp, self.qp.n
-        regular: cython.bint = True
         self.arrays = *qp, *point
         set_terms(cython.address(self.qp), (q, h, b, lb, ub), self.arrays[8:])
         self.P, self.G = numbers(P, n * n), numbers(G, self.qp.m * n)
         self.A = numbers(A, self.qp.p * n)
         mark_item(self)
-        if isinstance(kept, DenseActiveSet):
+        if isinstance(kept, DenseActiveSet) and serves(kept, self):
             self.kept = kept
-            self.keeps = serves(self.kept, self)
-        if not self.keeps:
-            with cython.nogil:  # nobody else has this item yet
-                regular = factor(self)
+            return True
+        with cython.nogil:  # nobody else has this item yet
+            regular = factor(self)
         return regular
 
     def backward(self, cotangents):
@@ -210,7 +208,7 @@ class DenseItem:
 
 
 def differentiate_part(chosen, arrays, out, sides, weak, regular):
-    """Write what a `Found` has of the chosen items, its vectors side by side to `out`.
+    """Write what is found of the chosen items, the gradients side by side to `out`.
 
     arrays: P, q, G, h, A, b, lb, ub, x, y, z, z_box and the gradients in these four, of
     each item, or of one that stands for all. The zeros in `out` stay where K is
@@ -364,7 +362,7 @@ def solve_item(m):
         m.u[j] = m.of_box[j] if side[j] != 0 else 0.0
     for k in range(SOLVES):
         set_remainder(m, k == 0 and m.free_n == qp.n)
-        if m.keeps:
+        if m.kept is not None:
             correct_by_kept(m.kept, m)
         else:
             correct(m)

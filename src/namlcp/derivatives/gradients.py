@@ -224,6 +224,5 @@ class LCPGradients:
     weak: int
     singular: bool
     matrix: Callable[[str], Any] = field(repr=False)
-    """Returns the gradient in A."""
 
     A = formed("A")

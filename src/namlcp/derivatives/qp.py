@@ -56,7 +56,8 @@ direction t solves an LP, as the derivative of the optimal value has to be large
 
 from functools import cached_property, partial
 from time import perf_counter
-from typing import Any, NamedTuple
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 from scipy.sparse import vstack
@@ -108,12 +109,11 @@ class QPDerivative:
     ) -> None:
         """Factor; `given`: P, G and A of the user; `factors`: those of the solve."""
         self.qp, self.given, self.solution = qp, given, point
-        self.item: Any = None
+        self.item, self.singular = None, False
         if qp.is_dense:
             item = DenseItem(qp.q.size, qp.h.size, qp.b.size)
             if item.take(qp, point, factors):
-                self.item, self.point = item, point
-                self.weak, self.singular = item.weak, False
+                self.item, self.point, self.weak = item, point, item.weak
                 return
         self.hold()
 
@@ -121,7 +121,6 @@ class QPDerivative:
         """Choose the constraints to hold, and factor K, as the module describes."""
         qp, point = self.qp, self.solution
         strict, whole, self.weak = sides_of(qp, point)
-        self.singular = False
         for held in (strict, whole) if self.weak else (strict,):
             self.held, self.point, self.factors = held, point, self.factored(held)
             if not self.factors.regular:
@@ -379,21 +378,6 @@ class ClosestDerivative:
 # ---- batches
 
 
-class Found(NamedTuple):
-    """What is found of items, one after another.
-
-    vectors: the gradients in q, h, b, lb and ub. points: the solutions with multipliers
-    0 of constraints that are not held. sides (N, m + n): of rows of G and of variables,
-    see `dense`. regular (N,): whether K is, with the strictly active constraints.
-    """
-
-    vectors: list[np.ndarray]
-    points: Point
-    sides: np.ndarray
-    weak: np.ndarray
-    regular: np.ndarray
-
-
 class BatchDerivative:
     """The derivatives of the solutions of a batch, 0 of items that are not `used`."""
 
@@ -404,8 +388,14 @@ class BatchDerivative:
         self.threads = available_cores() if threads is None else threads
         check_count("threads", self.threads)
 
-    def solve(self, cotangents: tuple[np.ndarray, ...]) -> Found:
-        """Return the gradients of each item from those in its solution."""
+    def solve(self, cotangents: tuple[np.ndarray, ...]) -> SimpleNamespace:
+        """Return what is found of the items, one after another.
+
+        vectors: the gradients in q, h, b, lb and ub. points: the solutions with
+        multipliers 0 of constraints that are not held. sides (N, m + n): of rows of G
+        and variables, see `dense`. weak: how many constraints are; regular: whether K
+        is, with the strictly active constraints.
+        """
         items, shown = self.items, self.used[:, None]
         points = Point(*(np.where(shown, v, 0.0) for v in self.points))
         parts = tuple(np.where(shown, v, 0.0) for v in cotangents)
@@ -439,7 +429,9 @@ class BatchDerivative:
             _, points.y[i], points.z[i], _ = derivative.point
 
         on_threads(work, chosen.size, self.threads)
-        return Found(vectors, points, sides, weak, regular)
+        return SimpleNamespace(
+            vectors=vectors, points=points, sides=sides, weak=weak, regular=regular
+        )
 
     def backward(self, *cotangents: Any) -> BatchGradients:
         pairs = zip(Point._fields, cotangents, self.points, strict=True)
