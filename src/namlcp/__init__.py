@@ -65,7 +65,6 @@ with suppress(Exception):
 
 
 def __dir__() -> list[str]:
-    """Return what is public."""
     return sorted([*__all__, *LATE, "qpsolvers", "__version__"])
 
 

@@ -198,7 +198,6 @@ class NotConvex(ValueError):
 
     Examples
     --------
-    >>> import numpy as np
     >>> import namlcp
     >>> try:
     ...     namlcp.solve_qp(-np.eye(1), np.zeros(1))
