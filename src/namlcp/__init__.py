@@ -58,6 +58,22 @@ __all__ = [
 __version__ = "0.2.0"
 LATE = "cvxpy", "cvxpylayers", "jax", "scenes", "torch"
 
+# qpsolvers may be in the middle of its own import, of a backend that imports namlcp;
+# whatever comes of it, namlcp can be used without.
+with suppress(Exception):
+    import_module("namlcp.qpsolvers").register()
+
+
+def __dir__() -> list[str]:
+    return sorted([*__all__, *LATE, "qpsolvers", "__version__"])
+
+
+def __getattr__(name: str) -> Any:
+    """Import what is seldom used at its first use: hosts are optional, and slow."""
+    if name in LATE:
+        return import_module(f"namlcp.{name}")
+    raise AttributeError(f"module 'namlcp' has no attribute {name!r}")
+
 
 def warmup(progress: bool = True, processes: int | None = None) -> None:
     """Do nothing: all there is to compile is compiled when namlcp is installed.
@@ -75,21 +91,3 @@ def warmup(progress: bool = True, processes: int | None = None) -> None:
         DeprecationWarning,
         stacklevel=2,
     )
-
-
-# qpsolvers may be in the middle of its own import, of a backend that imports namlcp;
-# whatever comes of it, namlcp can be used without.
-with suppress(Exception):
-    import_module("namlcp.qpsolvers").register()
-
-
-def __dir__() -> list[str]:
-    """Return what is public."""
-    return sorted([*__all__, *LATE, "qpsolvers", "__version__"])
-
-
-def __getattr__(name: str) -> Any:
-    """Import what is seldom used at its first use: hosts are optional, and slow."""
-    if name in LATE:
-        return import_module(f"namlcp.{name}")
-    raise AttributeError(f"module 'namlcp' has no attribute {name!r}")

@@ -75,7 +75,6 @@ def read_array(archive: zipfile.ZipFile, arrays: Any, name: str) -> np.ndarray |
 
 
 def bound(size: int) -> None:
-    """Raise where arrays of more than MOST_BYTES are claimed."""
     if size > MOST_BYTES:
         raise ValueError(f"its arrays claim {size:.1e} bytes, allowed are {MOST_BYTES}")
 
@@ -196,7 +195,6 @@ def matrix(
 
 
 def mps_problem(lines: Iterable[str]) -> qpsolvers.Problem:
-    """Return the QP of the lines of a file."""
     model, section = Model(), ""
     for number, line in enumerate(lines, 1):
         words = line.split()

@@ -1,7 +1,4 @@
-"""What the public functions return: made from the outcomes of engines, once each.
-
-A result keeps the problem by reference, and is differentiated when it is asked.
-"""
+"""What the public functions return; it keeps the problem by reference."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -47,10 +44,7 @@ INNER, SHORT = ("problem", "stamp"), 8
 
 
 class Public(type):
-    """The class of classes of which `dir` and `help` show public names alone.
-
-    These are the attributes in `data_of`, and the names in PUBLIC.
-    """
+    """Classes of which `dir` and `help` show `data_of` and PUBLIC alone."""
 
     PUBLIC = ()
 
@@ -210,7 +204,6 @@ class LCPResult(Single, LCPResultBase):
 
         Examples
         --------
-        >>> import numpy as np
         >>> import namlcp
         >>> A = np.array([[2.0, 1.0], [0.0, 1.0]])
         >>> result = namlcp.solve_lcp(A, np.array([-4.0, 1.0]))  # z = (2, 0)
@@ -368,7 +361,6 @@ class QPResult(Single, ResultBase):
 
         Examples
         --------
-        >>> import numpy as np
         >>> import namlcp
         >>> result = namlcp.solve_qp(np.diag([1.0, 2.0]), [-1.0, -4.0], ub=[2.0, 1.0])
         >>> gradients = result.backward(dx=[1.0, 1.0])  # of x_1 + x_2, x = (1, 1)
@@ -404,7 +396,6 @@ class QPResult(Single, ResultBase):
 
         Examples
         --------
-        >>> import numpy as np
         >>> import namlcp
         >>> result = namlcp.solve_qp(np.diag([1.0, 2.0]), [-1.0, -4.0], ub=[2.0, 1.0])
         >>> result.forward(dq=[1.0, 0.0], dub=[0.0, 1.0]).x
@@ -435,7 +426,6 @@ class QPResult(Single, ResultBase):
 
         Examples
         --------
-        >>> import numpy as np
         >>> import namlcp
         >>> result = namlcp.solve_qp(np.eye(1), [0.0], lb=[0.0])  # x = 0, z_box = 0
         >>> [float(result.directional(dq=[d]).x[0]) for d in (-1.0, 1.0)]
@@ -495,7 +485,6 @@ class ClosestPoint(Single):
 
     Examples
     --------
-    >>> import numpy as np
     >>> import namlcp
     >>> G, h = np.array([[1.0], [-1.0]]), np.array([0.0, -3.0])  # x <= 0 and x >= 3
     >>> result = namlcp.solve_qp(np.eye(1), [0.0], G, h, infeasible="closest")
@@ -545,7 +534,6 @@ class ClosestPoint(Single):
 
         Examples
         --------
-        >>> import numpy as np
         >>> import namlcp
         >>> G, h = np.array([[1.0], [-1.0]]), np.array([0.0, -3.0])  # x <= 0, x >= 3
         >>> result = namlcp.solve_qp(np.eye(1), np.zeros(1), G, h, infeasible="closest")
@@ -599,7 +587,6 @@ class BatchResult(metaclass=Public):
 
     Examples
     --------
-    >>> import numpy as np
     >>> import namlcp
     >>> q = np.array([[-1.0], [2.0], [np.nan]])
     >>> batch = namlcp.solve_batch(np.eye(1), q, lb=np.zeros(1))
@@ -650,7 +637,6 @@ class BatchResult(metaclass=Public):
 
         Examples
         --------
-        >>> import numpy as np
         >>> from namlcp import solve_batch
         >>> batch = solve_batch(np.eye(1), np.array([[-1.0], [1.0]]), lb=np.zeros(1))
         >>> gradients = batch.backward(dx=np.ones((2, 1)))
@@ -787,10 +773,7 @@ def lcp_result(
     ready: float,
     history: np.ndarray | None,
 ) -> LCPResult:
-    """Return the outcome for `problem`, the checked LCP and A as it was given.
-
-    start, ready: as of `qp_result`.
-    """
+    """Return the outcome for the checked LCP and A as given; times as `qp_result`."""
     point, (lcp, _) = outcome.point, problem
     if point.s is None:
         with np.errstate(all="ignore"):  # of numbers that are not finite

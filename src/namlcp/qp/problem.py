@@ -202,7 +202,6 @@ class NotConvex(ValueError):
 
     Examples
     --------
-    >>> import numpy as np
     >>> import namlcp
     >>> try:
     ...     namlcp.solve_qp(-np.eye(1), np.zeros(1))
@@ -286,12 +285,12 @@ def make_guess(qp: QP, x0: Any, warm_start: Any, name: str = "x0") -> Guess:
     parts: list[Any] = [getattr(warm_start, key) for key in Point._fields]
     if any(part is None for part in parts):  # a Solution without a point
         return NO_GUESS
-    x = vector("warm_start.x", parts[0], qp.q.size, "q", qp.q.shape)
-    y = vector("warm_start.y", parts[1], qp.b.size, "b", qp.b.shape)
-    z = vector("warm_start.z", parts[2], qp.h.size, "h", qp.h.shape)
-    z_box = parts[3] if np.size(parts[3]) else np.zeros(x.size)  # no bounds: empty
-    z_box = vector("warm_start.z_box", z_box, x.size, "q", qp.q.shape)
-    point = Point(x, y, z, z_box)
+    if not np.size(parts[3]):  # no bounds
+        parts[3] = np.zeros(qp.q.size)
+    for k, other in enumerate(("q", "b", "h", "q")):
+        own, name = getattr(qp, other), f"warm_start.{Point._fields[k]}"
+        parts[k] = vector(name, parts[k], own.size, other, own.shape)
+    _, _, z, z_box = point = Point(*parts)
     if not np.isfinite(np.concatenate(point)).all():  # a certificate, not a point
         return NO_GUESS
     active = np.concatenate((z > 0.0, z_box < 0.0, z_box > 0.0))

@@ -19,7 +19,6 @@ from namlcp.qp.active.solve import (
     MOST_BOX,
     MOST_LINEAR,
     SPARSE_LINEAR,
-    TINY_ENTRIES,
     solve_dense,
 )
 from namlcp.qp.bounds import is_box_open, solve_bounds
@@ -161,10 +160,6 @@ def solve_transformed(qp, guess, judge, memory):
     memory = memory or Memory()
     if type(qp.P) is np.ndarray or not (qp.h.size or qp.b.size):
         return solve_by_engines(qp, NO_TRANSFORMS, guess, judge, memory)
-    if entries_of(qp) <= TINY_ENTRIES and takes_dense(qp):  # first as it came
-        found = solve_dense(qp, NO_TRANSFORMS, guess, judge, memory)
-        if found is not None and found.status in ENDS:
-            return found
     substitution = substitute(qp, memory.substitution, judge.limits.deadline)
     memory.substitution = substitution
     if substitution is not None:
@@ -199,12 +194,8 @@ def without_huge_bounds(qp):
     return qp._replace(h=h, lb=-low, ub=ub)
 
 
-def entries_of(qp):
-    return qp.q.size * (qp.q.size + qp.h.size + qp.b.size)
-
-
 def is_small(qp):
-    entries = entries_of(qp)
+    entries = qp.q.size * (qp.q.size + qp.h.size + qp.b.size)
     if qp.q.size > DENSE_VARIABLES or entries > DENSE_ENTRIES:
         return False
     if entries <= FEW_ENTRIES:

@@ -1,4 +1,1 @@
-"""LCPs with matrices that are neither P nor semidefinite: games, friction, circuits.
-
-`namlcp.lcp.methods` tries them in its order, with what `search` shares among them.
-"""
+"""LCPs with matrices neither P nor semidefinite: games, friction, circuits."""

@@ -60,8 +60,7 @@ OUTCOMES = {
 # make. MOST_BOX: most variables of one with bounds alone, which is quicker as a box LCP
 # else. MOST_LINEAR, SPARSE_LINEAR: most variables of a linear program, dense or
 # sparse, which interior points solve quicker else. TINY_ENTRIES: most entries, zeros
-# included, of a sparse QP that is solved in dense form as it came: to look for a
-# substitution would take longer.
+# included, of a sparse QP that `solve_small` takes.
 # FEW_ENTRIES: most entries of a QP that takes P + W whatever it is; a larger one is
 # left to the interior-point method where less than FULL percent of them are not zero.
 # Operations of pivots after which the interior-point method takes over, about as many
