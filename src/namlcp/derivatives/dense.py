@@ -20,6 +20,7 @@ active constraints: they belong to the whole P, with active bounds as rows, see
 import cython
 import numpy as np
 from cython import Py_ssize_t
+from cython.cimports import numpy as cnp
 from cython.cimports.libc.math import fabs, sqrt
 from cython.cimports.namlcp.linalg.arrays import (
     data_of,
@@ -223,9 +224,10 @@ def differentiate_part(chosen, arrays, out, sides, weak, regular):
     step = cython.declare(Py_ssize_t[ARRAYS])
     item: DenseItem = DenseItem(n, m, p)
     for k in range(ARRAYS):
-        start[k], step[k] = data_of(arrays[k]), 0
-        if arrays[k].shape[0] > 1:
-            step[k] = arrays[k].strides[0] // 8
+        array: cnp.ndarray = arrays[k]
+        start[k], step[k] = data_of(array), 0
+        if cnp.PyArray_DIM(array, 0) > 1:
+            step[k] = cnp.PyArray_STRIDE(array, 0) // 8
     gradients, side = numbers(out, out.size), signs(sides, sides.size)
     weak_n, is_regular = (
         indices(weak, weak.size),
