@@ -1,8 +1,4 @@
-"""Box LCPs by pivoting: what surrounds the compiled loop.
-
-An `Attempt` solves a copy of the problem that is scaled to a unit diagonal. Its
-solution is checked on the caller's data.
-"""
+"""Box LCPs by pivoting: what surrounds the compiled loop."""
 
 from typing import Any
 
@@ -40,10 +36,7 @@ STATUSES = {
 
 
 class Attempt(Pivoting):
-    """One attempt to solve a box LCP: its memory, and the steps written in Python.
-
-    limits.max_iter counts factorisations.
-    """
+    """One attempt to solve a box LCP, scaled to a unit diagonal, and its memory."""
 
     ray: np.ndarray | None = None
     # The last factors: free unknowns; unknowns in them, free or held.
@@ -55,9 +48,9 @@ class Attempt(Pivoting):
     def __init__(
         self, lcp: LCP, z0: np.ndarray | None, limits: Limits, ask_convex: bool
     ) -> None:
-        """Copy the problem.
+        """Copy the problem; limits.max_iter counts factorisations.
 
-        ask_convex: test by one more factorisation whether a symmetric A is positive
+        ask_convex: test by one more of them whether a symmetric A is positive
         semidefinite; `convex` is then the result.
         """
         matrix, n = lcp.matrix, lcp.q.size
@@ -83,9 +76,8 @@ class Attempt(Pivoting):
         with np.errstate(all="ignore"):
             w = lcp.w(z)
             if status is Status.SOLVED and self.size > 0.0:
-                _, _, lower, upper = lcp
-                root = 1.0 / self.vector(D)
-                residuals = natural_residuals(z, w, lower, upper, root)
+                root = lcp.matrix.root
+                residuals = natural_residuals(z, w, lcp.lower, lcp.upper, root)
                 if not are_met(*self.limits.tolerances, self.size, *residuals):
                     status = Status.STALLED
         if status is Status.STALLED and is_solved_by_zero(lcp):
