@@ -39,8 +39,9 @@ class Attempt(Pivoting):
     """One attempt to solve a box LCP, scaled to a unit diagonal, and its memory."""
 
     ray: np.ndarray | None = None
-    # The last factors: free unknowns; unknowns in them, free or held.
+    # The last factors: free unknowns and rho; unknowns in them, free or held.
     free: np.ndarray
+    factored = np.nan
     member: np.ndarray
     system: Shifted | None = None
     factors: Any = None
@@ -107,9 +108,9 @@ class Attempt(Pivoting):
         diagonal entries, so that one elimination order serves several free systems.
         """
         free, z = self.state() == 0, self.vector(Z)
-        if self.factors is None or (free != self.free).any():
+        if self.rho != self.factored or (free != self.free).any():
             self.factorisations += 1
-            self.free = free
+            self.free, self.factored = free, self.rho
             if self.system is None or not self.symmetric:
                 lower, upper = self.lcp.lower, self.lcp.upper
                 self.member = lower < upper if self.symmetric else free
@@ -119,7 +120,7 @@ class Attempt(Pivoting):
                 A = sparse.csc_array((scaled, indices, indptr))
                 A = submatrix(A, rows, rows)
                 self.system = Shifted(A, np.ones(rows.size) if self.symmetric else None)
-            shift = np.where(free, self.shift, HELD)[self.member]
+            shift = np.where(free, self.rho, HELD)[self.member]
             self.factors = self.system.factors(shift)
         z[free] = np.nan
         if self.factors is not None:
