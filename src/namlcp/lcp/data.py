@@ -38,10 +38,7 @@ W_ROUNDING = 1e-15
 
 
 class LCP(NamedTuple):
-    """A checked box LCP: find z in [lower, upper] with w = A z + q as `solve_lcp` says.
-
-    The three vectors are (n,) arrays of float64.
-    """
+    """A checked box LCP, see `solve_lcp`; its vectors are (n,) arrays of float64."""
 
     matrix: Prepared
     q: np.ndarray
@@ -50,7 +47,6 @@ class LCP(NamedTuple):
 
     @property
     def A(self) -> Any:
-        """The matrix: a dense array, a csr_array or an `Operator`."""
         return self.matrix.A
 
     def w(self, z: np.ndarray) -> np.ndarray:
@@ -97,8 +93,7 @@ class Criterion:
 
     def residuals(self, z: np.ndarray, w: np.ndarray) -> tuple[float, float]:
         """Return Res(z) of the problem as given and scaled to a unit diagonal."""
-        _, _, lower, upper = self.lcp
-        return natural_residuals(z, w, lower, upper, self.root)
+        return natural_residuals(z, w, self.lcp.lower, self.lcp.upper, self.root)
 
     @cached_property
     def size(self) -> float:
@@ -116,7 +111,6 @@ class Criterion:
         return self.met(*self.residuals(z, w))
 
     def met(self, plain: float, scaled: float) -> bool:
-        """Tell whether a point with these `residuals` solves the problem."""
         return are_met(*self.limits.tolerances, self.size, plain, scaled)
 
 

@@ -13,7 +13,6 @@ INFINITE = checks.INFINITE
 
 
 def is_ordinary(q, lower, upper):
-    """Tell whether the vectors surely need no further check, see `are_ordinary`."""
     n: cython.Py_ssize_t = q.size
     return are_ordinary(numbers(q, n), numbers(lower, n), numbers(upper, n), n)
 
@@ -36,7 +35,6 @@ def are_ordinary(q, lower, upper, n):
 
 
 def affine(A, z, q):
-    """Return A z + q for a dense A of a few rows."""
     n: cython.Py_ssize_t = q.size
     w = np.empty(n)
     affine_at(numbers(A, n * n), numbers(z, n), numbers(q, n), numbers(w, n), n)

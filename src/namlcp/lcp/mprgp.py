@@ -60,9 +60,7 @@ def solve_by_products(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcom
     """Solve a box LCP with a symmetric A, an `Operator` with A.diagonal() >= 0.
 
     SOLVED is returned only if the criterion accepts a recomputed gradient. z is the
-    iterate of least Res. STALLED: rounding errors prevent progress, or, as the message
-    says, A is not positive semidefinite. UNSOLVABLE: no solution, proved by a ray.
-    NUMERICAL_ERROR: a product is not finite; z and w are NaN.
+    iterate of least Res.
     """
     with np.errstate(all="ignore"):  # the code tests for infinities and NaN
         z, criterion = lcp.start(z0), Criterion(lcp, limits)
@@ -71,8 +69,8 @@ def solve_by_products(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcom
             if not there <= TOO_FAR * criterion.size:
                 z = lcp.start()
         descent = Descent(lcp, z)
-        best = descent.point()[0]
-        least = missed = math.inf
+        best, least = z, math.inf
+        missed = math.inf
         status: Status | None = None
         k = misses = 0
         while status is None and math.isfinite(descent.size):
@@ -108,11 +106,10 @@ def solve_by_products(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcom
 
 
 class Descent:
-    """An iterate of the problem scaled to a unit diagonal, and the steps from it.
+    """An iterate y of the problem scaled to a unit diagonal, and the steps from it.
 
-    y, g: iterate and its gradient; each step makes new arrays. free: whether l < y < u.
-    size: Res(y) of the scaled problem. ray: proof that the unscaled problem has no
-    solution, or None. message: what adds to the status.
+    g: its gradient; each step makes new arrays. free: whether l < y < u. size: Res(y).
+    ray: proof that the unscaled problem has no solution.
     """
 
     def __init__(self, lcp: LCP, z0: np.ndarray):
@@ -130,7 +127,7 @@ class Descent:
 
     def point(self) -> tuple[np.ndarray, np.ndarray]:
         """Return z and w of the unscaled problem."""
-        _, _, lower, upper = self.lcp
+        lower, upper = self.lcp.lower, self.lcp.upper
         z = np.clip(self.y / self.root, lower, upper)
         z = np.where(self.y <= self.lower, lower, z)
         return np.where(self.y >= self.upper, upper, z), self.g * self.root
@@ -194,7 +191,7 @@ class Descent:
         return None
 
     def project(self, step: float, p: np.ndarray) -> bool:
-        """Go to clip(y - step p) if f decreases enough, see SUFFICIENT; tell if so."""
+        """Go to clip(y - step p) if f decreases enough; tell if so."""
         y = self.clipped(self.y - step * p)
         d = y - self.y
         slope = float(self.g @ d)

@@ -191,13 +191,12 @@ class Prepared:
 
 
 class Operator:
-    """A symmetric matrix A known by x -> A x and, where it was given, its diagonal.
+    """A symmetric matrix A known by x -> A x, with a diagonal of ones unless given.
 
     It replaces an array where only A @ x, A.shape and A.diagonal() are used.
     """
 
     def __init__(self, A: LinearOperator, diagonal: Any):
-        """Check A and its diagonal, which may be None."""
         self.A, self.shape = A, A.shape
         n = A.shape[0]
         if A.shape[1] != n:
@@ -217,14 +216,12 @@ class Operator:
             )
 
     def __matmul__(self, x: np.ndarray) -> np.ndarray:
-        """Return A x, a new array."""
         y = np.asarray(self.A.matvec(x))
         if y.dtype.kind not in "biuf":
             raise TypeError(f"A must be real, got a product of dtype {y.dtype}")
         return np.array(y, dtype=np.float64).reshape(x.shape)
 
     def diagonal(self) -> np.ndarray:
-        """Return diag(A), ones if it is unknown."""
         return self.known
 
 

@@ -69,9 +69,8 @@ def relax_until(
 ) -> tuple[Status, int, np.ndarray]:
     """Sweep from z, which is overwritten; return the sweeps made, and w.
 
-    The criterion costs a product with A. It is therefore evaluated only if an estimate
-    of the scaled Res from the last two sweeps is below its goal; a rejection divides
-    that goal by 10. STALLED: at the measured rate MOST_SWEEPS do not suffice.
+    The criterion costs a product with A. It is asked only if an estimate of the scaled
+    Res from the last two sweeps is below its goal; a rejection divides that by 10.
     """
     lcp, goal, before = criterion.lcp, criterion.goal, math.inf
     _, q, lower, upper = lcp

@@ -126,7 +126,6 @@ def clip_into_box(m, z, w):
 
 
 def set_residuals(m, z, w):
-    """Set Res(z), of this problem and of the one with a unit diagonal."""
     null, lower, upper = cython.NULL, m.lower, m.upper
     m.plain = sqrt(box_squares(z, w, lower, upper, null, null, m.n))
     m.scaled = sqrt(box_squares(z, w, lower, upper, m.diagonal, m.root, m.n))

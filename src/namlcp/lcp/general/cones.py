@@ -133,7 +133,7 @@ def principal(
 
 
 class ConeFactors:
-    """Factors of M + D for a D, by those of what remains.
+    """Factors of M + D for a D, by those of what remains; ValueError if a pivot is 0.
 
     The directions of friction are turned to the principal axes of each C: where some
     d_j are small and others are large, the entries of C^-1 are of all sizes, and in
@@ -141,7 +141,6 @@ class ConeFactors:
     """
 
     def __init__(self, system: "Condensed", diagonal: np.ndarray):
-        """Factor; raise ValueError if a pivot of the remainder is 0."""
         self.e = system.v**2 / diagonal[system.b]
         self.s = self.e.sum(axis=1)
         self.d_g = diagonal[system.g]

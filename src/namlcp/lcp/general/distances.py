@@ -24,11 +24,9 @@ from namlcp.residuals import natural_residual
 class Distances:
     """The LCP of p, and sums over its pairs.
 
-    M (m, m) dense or CSC, c (m,): F = M p + c, and max |c_i| = 1 or 0.
-    lower, upper (m,): the bounds of p, 0 or -inf, and r or inf.
-    signed, boxed: the indices of p with the bound 0, and of those that have r, too.
-    unfixed (m,): the indices of its unknowns in z. base (n,), scale (m,), unit: see
-    above.
+    M (m, m) dense or CSC, c (m,), max |c_i| = 1 or 0. lower, upper (m,): the bounds of
+    p. signed, boxed: the indices of p with the bound 0, and of those with r, too.
+    unfixed (m,): the indices of its unknowns in z. base (n,), scale (m,): diag(D).
     """
 
     def __init__(
@@ -72,9 +70,7 @@ class Distances:
         return z
 
     def F(self, p: np.ndarray) -> np.ndarray:
-        F = self.M @ p
-        F += self.c
-        return F
+        return self.M @ p + self.c
 
     def residual(self, p: np.ndarray, F: np.ndarray) -> float:
         """Return Res(p) of this LCP; p need not be within its bounds."""

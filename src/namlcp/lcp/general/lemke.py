@@ -17,10 +17,9 @@ strategies of an equilibrium are the normed parts of z = (x, y) >= 0 with
 
     w = [0 R; S 0] z - 1 >= 0,   z'w = 0.
 
-Lemke's method with d = (1, ..., 1) ends on a ray at its first pivot here. A path of
-Lemke and Howson begins with z_k > 0 of a label k, whose pair alone need not be
-complementary. It always ends, at an equilibrium, but may take very many pivots where
-that of another label takes a few. So all labels race, with limits that grow.
+Here Lemke's method with d = (1, ..., 1) ends on a ray at its first pivot. A path of
+Lemke and Howson, of a label k whose pair alone need not be complementary, always ends
+at an equilibrium, but may take very many pivots. So all labels race.
 
 *Tiny LCPs.* LCP(q, A) has a solution if and only if q lies in one of the 2^n
 complementary cones pos C(F), where F is a set of indices and C(F) has the columns -A
@@ -80,11 +79,7 @@ OUTSIDE = 1e-9
 
 
 def solve_lemke(lcp: LCP, z0: None, limits: Limits, cover: Any = None) -> Outcome:
-    """Follow the path of one covering vector, the user's.
-
-    limits.max_iter counts pivots. Raises ValueError if A is too large, or singular in
-    the rows and columns of the unknowns without bounds.
-    """
+    """Follow the path of one covering vector, the user's; limits.max_iter: pivots."""
     n = lcp.q.size
     if n > LARGEST_TABLEAU:
         raise ValueError(
@@ -103,10 +98,7 @@ def solve_lemke(lcp: LCP, z0: None, limits: Limits, cover: Any = None) -> Outcom
 
 
 def solve_by_lemke(search: Search) -> Outcome | None:
-    """Follow the paths of three covering vectors; None if none of them decides.
-
-    Where rounding ends one path, another may get through.
-    """
+    """Follow the paths of three covering vectors; None if none of them decides."""
     plain, n, done = search.plain, search.lcp.q.size, 0
     if plain is None:
         return None
@@ -166,10 +158,7 @@ def follow(
 
 
 def last_largest(x: np.ndarray) -> int:
-    """Return the last index of a largest entry.
-
-    For x = -q / d it has the lexicographically largest row of -[q, I] / d.
-    """
+    """Return the last index of a largest entry, as the lexicographic order has it."""
     return int(x.size - 1 - np.argmax(x[::-1]))
 
 
@@ -210,10 +199,7 @@ def game_of(lcp: LCP) -> tuple[np.ndarray, ...] | None:
 
 
 def solve_game(search: Search) -> Outcome | None:
-    """Return an equilibrium, None if the LCP is no game or no path came to its end.
-
-    limits.max_iter counts the pivots of all paths.
-    """
+    """Return an equilibrium, None if the LCP is no game or no path came to its end."""
     lcp, limits = search.lcp, search.limits
     game, n = game_of(lcp), lcp.q.size
     if game is None:
@@ -266,7 +252,7 @@ def follow_label(
 def solve_by_enumeration(search: Search) -> Outcome | None:
     """Return a solution, or UNSOLVABLE if q is clearly outside every cone, else None.
 
-    None, too, if the plain form is of a larger order. Iterations are the cones.
+    Iterations are the cones.
     """
     lcp, plain = search.lcp, search.plain
     if plain is None or not 1 <= plain.r.size <= LARGEST_ENUMERATION:

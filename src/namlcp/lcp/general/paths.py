@@ -53,8 +53,9 @@ SHIFT, STEPS = 1e-11, 100
 STEP_PART = 0.99
 # Range of the mean product aimed at, relative to the present one.
 LEAST_CENTRING, MOST_CENTRING = 1e-4, 0.9
-# So many steps in a row shorter than JAM end the path.
-JAM, JAMS = 0.05, 3
+# So many steps in a row shorter than JAM end the path; so do products below SETTLED,
+# from where on Res falls slowly, by pairs of which both are nearly 0.
+JAM, JAMS, SETTLED = 0.05, 3, 1e-17
 # A proof is sought once Res of the path is below CLEAR, and again whenever it has
 # fallen to the part CLEARER, at most down to ENOUGH. If then no v_i, relative to its
 # bound, exceeds FEASIBLE, the linear program counts as feasible.
@@ -99,6 +100,8 @@ def mehrotra(model: Distances, system: System) -> Iterator[np.ndarray]:
     jams = 0
     for _ in range(STEPS):
         yield at.p
+        if (at.gaps * at.m).max(initial=0.0) <= SETTLED:
+            return
         excess = model.F(at.p) - model.total(at.m)
         ratio = at.m / at.gaps
         factors = system.factors(model.total(ratio, 1.0) + SHIFT)

@@ -27,7 +27,7 @@ from namlcp.status import Outcome, Status
 # tolerances say. A path that has solved the problem, not exactly, has LEFT steps more.
 TARGET, CLOSE, AGAIN, EXACT, LEFT = 1e-9, 1e-4, 0.01, 1e-12, 30
 # Factorisations of a search for the exact solution, at most.
-PIVOTS = 20
+PIVOTS = 6
 # Factorisations at most, by default: beyond those of earlier methods.
 FACTORISATIONS = 5000
 
@@ -78,7 +78,6 @@ class Search(Criterion):
             self.limits.report(self.count, residual, self.lcp.active(self.z))
 
     def by_path(self) -> None:
-        """Follow an infeasible interior path."""
         M, symmetric = self.model.M, self.lcp.matrix.symmetric
         signs = np.ones(M.shape[0]) if symmetric and sparse.issparse(M) else None
         system = Shifted(M, signs) if symmetric else system_of(M)
@@ -92,7 +91,6 @@ class Search(Criterion):
                     break
 
     def by_arc(self) -> None:
-        """Follow Lemke's homotopy."""
         self.follow(arc(self.model, system_of(self.model.M)), "arc")
 
     def by_proof(self) -> Outcome | None:

@@ -27,11 +27,11 @@ TIE, TINY_TIE = 1e-11, 1e-13
 
 
 class Tableau:
-    """The tableau x_B = b + T x_N.
+    """x_B = b + T x_N, rows: [b, T], (n, 1 + m).
 
-    rows: [b, T], (n, 1 + m). basic (n,), nonbasic (1 + m,): names of the variables that
-    the rows and columns stand for; nonbasic[0] has no meaning. position (2n + 1,): of
-    each variable its row, or -1 minus its column.
+    basic (n,), nonbasic (1 + m,): names of the variables that the rows and columns
+    stand for; nonbasic[0] has no meaning. position (2n + 1,): of each variable its row,
+    or -1 minus its column.
     """
 
     def __init__(self, rows, basic, nonbasic, position):
@@ -39,10 +39,8 @@ class Tableau:
         self.nonbasic, self.position = nonbasic, position
         self.n, self.width = rows.shape
         self.entry = numbers(rows, self.n * self.width)
-        self.in_row, self.in_column = (
-            indices(basic, self.n),
-            indices(nonbasic, self.width),
-        )
+        self.in_row = indices(basic, self.n)
+        self.in_column = indices(nonbasic, self.width)
         self.place = indices(position, 2 * self.n + 1)
 
     def copy(self):
@@ -101,7 +99,7 @@ def inverse_entry(t, row, j):
 
 
 def order(x, y):
-    """Return the sign of x - y, 0 where they are equal up to rounding."""
+    """Return the sign of x - y, 0 where that is rounding."""
     if fabs(x - y) <= TIE * (fabs(x) + fabs(y)) + TINY_TIE:
         return 0
     return 1 if x > y else -1
@@ -144,8 +142,7 @@ def leaving_row(t, column, wanted, or_wanted):
 def pivot_until(t, entering, last, most):
     """Pivot until one of the two variables `last` leaves, `most` times at most.
 
-    Return how it ended, the variable to enter next (that of the ray with RAY), and the
-    number of pivots.
+    Return how that ended, the variable to enter next, and the number of pivots.
     """
     end, n, enters = MORE, t.n, entering
     count: cython.Py_ssize_t = 0

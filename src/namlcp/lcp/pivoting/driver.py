@@ -1,8 +1,4 @@
-"""Box LCPs by pivoting: what surrounds the compiled loop.
-
-An `Attempt` solves a copy of the problem that is scaled to a unit diagonal. Its
-solution is checked on the caller's data.
-"""
+"""Box LCPs by pivoting: what surrounds the compiled loop."""
 
 from typing import Any
 
@@ -40,14 +36,12 @@ STATUSES = {
 
 
 class Attempt(Pivoting):
-    """One attempt to solve a box LCP: its memory, and the steps written in Python.
-
-    limits.max_iter counts factorisations.
-    """
+    """One attempt to solve a box LCP, scaled to a unit diagonal, and its memory."""
 
     ray: np.ndarray | None = None
-    # The last factors: free unknowns; unknowns in them, free or held.
+    # The last factors: free unknowns and rho; unknowns in them, free or held.
     free: np.ndarray
+    factored = np.nan
     member: np.ndarray
     system: Shifted | None = None
     factors: Any = None
@@ -55,9 +49,9 @@ class Attempt(Pivoting):
     def __init__(
         self, lcp: LCP, z0: np.ndarray | None, limits: Limits, ask_convex: bool
     ) -> None:
-        """Copy the problem.
+        """Copy the problem; limits.max_iter counts factorisations.
 
-        ask_convex: test by one more factorisation whether a symmetric A is positive
+        ask_convex: test by one more of them whether a symmetric A is positive
         semidefinite; `convex` is then the result.
         """
         matrix, n = lcp.matrix, lcp.q.size
@@ -83,9 +77,8 @@ class Attempt(Pivoting):
         with np.errstate(all="ignore"):
             w = lcp.w(z)
             if status is Status.SOLVED and self.size > 0.0:
-                _, _, lower, upper = lcp
-                root = 1.0 / self.vector(D)
-                residuals = natural_residuals(z, w, lower, upper, root)
+                root = lcp.matrix.root
+                residuals = natural_residuals(z, w, lcp.lower, lcp.upper, root)
                 if not are_met(*self.limits.tolerances, self.size, *residuals):
                     status = Status.STALLED
         if status is Status.STALLED and is_solved_by_zero(lcp):
@@ -115,9 +108,9 @@ class Attempt(Pivoting):
         diagonal entries, so that one elimination order serves several free systems.
         """
         free, z = self.state() == 0, self.vector(Z)
-        if self.factors is None or (free != self.free).any():
+        if self.rho != self.factored or (free != self.free).any():
             self.factorisations += 1
-            self.free = free
+            self.free, self.factored = free, self.rho
             if self.system is None or not self.symmetric:
                 lower, upper = self.lcp.lower, self.lcp.upper
                 self.member = lower < upper if self.symmetric else free
@@ -127,7 +120,7 @@ class Attempt(Pivoting):
                 A = sparse.csc_array((scaled, indices, indptr))
                 A = submatrix(A, rows, rows)
                 self.system = Shifted(A, np.ones(rows.size) if self.symmetric else None)
-            shift = np.where(free, self.shift, HELD)[self.member]
+            shift = np.where(free, self.rho, HELD)[self.member]
             self.factors = self.system.factors(shift)
         z[free] = np.nan
         if self.factors is not None:

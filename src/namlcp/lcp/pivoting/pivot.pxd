@@ -39,7 +39,7 @@ cdef void set_right_side(Pivoting m) noexcept nogil
 cdef int use_solution(Pivoting m) noexcept nogil
 cdef void clip_rounding(Pivoting m) noexcept nogil
 cdef Py_ssize_t set_goals(Pivoting m) noexcept nogil
-cdef void reset_patience(Pivoting m) noexcept nogil
+cdef void reset_patience(Pivoting m, double rho) noexcept nogil
 cdef int end_outer_step(Pivoting m) noexcept nogil
 cpdef object solve_small(object kind, double begun, object given, object A, object q, object lower, object upper, object start, object stamp)
 cdef bint is_vector(object value, Py_ssize_t n)

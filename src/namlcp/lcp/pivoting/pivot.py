@@ -108,7 +108,7 @@ def pivot(m):
 def advance(m):
     """Factor the free system, and go on until another one is needed."""
     if m.must_factor:
-        regular = factor_free(m, m.shift)
+        regular = factor_free(m, m.rho)
         if m.is_short:
             return HALTED
         if m.ask_convex and m.count == m.n:
@@ -130,7 +130,7 @@ def begin_pivoting(m):
     """Scale the problem, measure clip(0), sweep from the user's z."""
     n, z, w, lower, upper = m.n, m.own_z, m.w, m.lower, m.upper
     scale_problem(m)
-    m.best_residual, m.shift = INFINITY, RHO
+    m.best_residual = INFINITY
     # First z = clip(0), whose Res is the reference of eps_rel; then the start.
     for i in range(n):
         z[i] = min(max(0.0, lower[i]), upper[i])
@@ -159,7 +159,7 @@ def begin_pivoting(m):
         m.side[i] = state_of(z[i] - w[i], lower[i], upper[i])
         m.centre[i] = z[i]
     m.must_factor = True
-    reset_patience(m)
+    reset_patience(m, RHO if m.symmetric else 0.0)
     return GO_ON
 
 
@@ -268,7 +268,7 @@ def set_right_side(m):
             z[i] = m.lower[i] if m.side[i] < 0 else m.upper[i]
     write_w(m, rhs)
     for i in range(m.n):
-        rhs[i] = RHO * m.centre[i] - rhs[i]
+        rhs[i] = m.rho * m.centre[i] - rhs[i]
 
 
 def use_solution(m):
@@ -280,10 +280,16 @@ def use_solution(m):
     write_w(m, m.w)
     for i in range(m.n):
         if not isfinite(m.w[i]):
-            return HALTED
+            if m.rho > 0.0:
+                return HALTED
+            # The free system is singular: go on from the best point with rho > 0.
+            copy(m.best, m.centre, m.n)
+            reset_patience(m, RHO)
+            return GO_ON
     wrong = set_goals(m)
-    # Far from the solution an exact proximal step wastes factorisations.
-    early: cython.bint = m.symmetric and m.factorisations > SOME
+    # Far from the solution an exact proximal step wastes factorisations; the next one
+    # uses the same factor unless rho changes.
+    early: cython.bint = m.symmetric and m.rho > 0.0 and m.factorisations > SOME
     early = early and wrong < m.fewest_wrong and m.outer_steps < EARLY_STEPS
     if wrong == 0 or (early and FEW * wrong <= m.n):
         return end_outer_step(m)
@@ -315,7 +321,7 @@ def clip_rounding(m):
 def set_goals(m):
     """Write to goal the states that the signs of z and w ask for; count the changes."""
     z, lower, upper, side, goal = m.own_z, m.lower, m.upper, m.side, m.goal
-    tolerance = m.tolerance
+    rho, tolerance = m.rho, m.tolerance
     wrong: Py_ssize_t = 0
     for i in range(m.n):
         goal[i] = side[i]
@@ -325,7 +331,7 @@ def set_goals(m):
             elif z[i] > upper[i] + tolerance:
                 goal[i] = 1
         elif lower[i] < upper[i]:
-            if side[i] * (m.w[i] + RHO * (z[i] - m.centre[i])) > tolerance:
+            if side[i] * (m.w[i] + rho * (z[i] - m.centre[i])) > tolerance:
                 goal[i] = 0
         wrong += goal[i] != side[i]
     return wrong
@@ -334,27 +340,33 @@ def set_goals(m):
 # ---- proximal steps
 
 
-def reset_patience(m):
-    m.fewest_wrong, m.patience = m.n + 1, BLOCK_STEPS
+def reset_patience(m, rho):
+    """Forget the fewest wrong signs, and set rho."""
+    m.fewest_wrong = m.n + 1
+    m.patience = BLOCK_STEPS
+    if rho != m.rho:
+        m.rho = rho
+        m.must_factor = True
 
 
 def end_outer_step(m):
     """Move the proximal point to z, with the difference in rhs."""
     improved = record(m)
     m.outer_steps += 1
+    rho = m.rho
     exact: cython.bint = m.best_residual <= EXACT_RESIDUAL * m.size
-    if m.solved and (exact or not improved):
+    if m.solved and (exact or rho == 0.0 or not improved):
         return DONE
     if m.outer_steps >= OUTER_STEPS:
         return HALTED
     for i in range(m.n):
         m.own_rhs[i] = m.own_z[i] - m.centre[i]
         m.centre[i] = m.own_z[i]
-    reset_patience(m)
+    reset_patience(m, RHO)
     # Steps 3, 6, 12, ...: later directions are more accurate, but every test costs.
     turn = m.outer_steps // 3
     due: cython.bint = m.outer_steps == 3 * turn and turn > 0 and turn & (turn - 1) == 0
-    return RAY if due and not m.solved else GO_ON
+    return RAY if due and rho > 0.0 and not m.solved else GO_ON
 
 
 # ---- a small LCP in one call

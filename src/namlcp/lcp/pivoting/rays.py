@@ -32,9 +32,9 @@ CORRECTION, CORRECTION_STEPS, MULTIPLICATIONS = 1e-6, 2000, 200_000_000
 def proof(lcp: LCP, v: np.ndarray) -> np.ndarray | None:
     """Return v, corrected and scaled, if it proves that there is no solution.
 
-    The direction has few correct digits, because 1/rho has magnified its rounding
-    errors, or a path has ended. It is corrected to A'v = 0, and if that fails, to
-    (A'v)_i = 0 except where `CLEAR_SLOPE` allows more.
+    It has few correct digits, as 1/rho has magnified its rounding errors, or a path has
+    ended. It is corrected to A'v = 0, and if that fails, to (A'v)_i = 0 except where
+    `CLEAR_SLOPE` allows more.
     """
     d = 1.0 / lcp.matrix.root
     largest = np.max(np.abs(v / d))
@@ -61,7 +61,6 @@ def proof(lcp: LCP, v: np.ndarray) -> np.ndarray | None:
 
 
 def slopes(lcp: LCP, d: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return A'v, scaled by d, and |A|'|v|."""
     return d * (lcp.A.T @ v), d * (abs(lcp.A).T @ np.abs(v))
 
 

@@ -26,7 +26,7 @@ cdef class Pivoting(Watched):
         double *best
         # Right-hand side and diagonal shift of the free system.
         double *own_rhs
-        readonly double shift
+        double shift
         # -1 at the lower bound, 1 at the upper one, 0 free; the same as the signs of z
         # and w ask for it; 1 where a_ii > 0, elsewhere d = 1. Whether all are 1.
         int *side
@@ -59,8 +59,9 @@ cdef class Pivoting(Watched):
         double *y
         int *pattern
         int *flag
-        # Tolerances; what counts as 0 in z and w (scaled).
+        # Tolerances; the proximal parameter; what counts as 0 in z and w (scaled).
         public double eps_abs, eps_rel
+        readonly double rho
         double tolerance
         # Scaled Res at clip(0); that of the best z, and as the problem was given.
         readonly double size
@@ -74,7 +75,7 @@ cdef class Pivoting(Watched):
         # tolerance is met; A is semidefinite.
         public bint is_external, ask_convex, convex
         readonly bint solved
-        # States have changed; there is no memory for a factor.
+        # States or rho have changed; there is no memory for a factor.
         bint must_factor, is_short
         readonly object memory
         object given
