@@ -810,8 +810,7 @@ def problem_of(result: QPResult | LCPResult | ClosestPoint) -> Any:
         upper = np.full(q.size, np.inf) if upper is None else upper
         return LCP(matrix, q, lower, upper), matrix.A
     if len(problem) == len(QP._fields):  # the arguments of `solve_qp`
-        P, _, G, _, A, *_ = problem
-        return qp_arrays(*problem), (P, G, A)
+        return qp_arrays(*problem), problem[:6:2]
     if len(problem) == 3:  # the matrices, the vectors, and P, G, A of a `Solver`
         matrices, vectors, given = problem
         return QP.of(matrices, vectors), given
