@@ -27,8 +27,6 @@ MOST_BYTES = 2**31
 SAVED_NONE = re.compile(rb"\](\x94|q.)Nat(\x94|q.)b\.$", re.DOTALL)
 """The end of a pickled array that holds None alone: NumPy's for an absent part."""
 
-TRIANGLE, WHOLE = ("QUADOBJ", "QSECTION"), ("QMATRIX",)
-
 
 def read_problem(path: str) -> Any:
     """Read a qpsolvers.Problem, or A, q and the bounds of an LCP."""
@@ -109,10 +107,10 @@ class Model:
             sides.update(self.pairs(words[len(words) % 2 :]))
         elif section == "BOUNDS":
             self.bound(words)
-        elif section in TRIANGLE + WHOLE:
+        elif section in ("QUADOBJ", "QSECTION", "QMATRIX"):
             i, j = self.columns[words[0]], self.columns[words[1]]
             self.squares.append((i, j, float(words[2])))
-            if section in TRIANGLE and i != j:
+            if section != "QMATRIX" and i != j:
                 self.squares.append((j, i, float(words[2])))
         elif section == "OBJSENSE":
             self.sign = -1.0 if words[0].upper().startswith("MAX") else 1.0

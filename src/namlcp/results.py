@@ -812,9 +812,8 @@ def problem_of(result: QPResult | LCPResult | ClosestPoint) -> Any:
         upper = np.full(q.size, np.inf) if upper is None else upper
         return LCP(matrix, q, lower, upper), matrix.A
     if len(problem) == len(QP._fields):  # the arguments of `solve_qp`
-        P, _, G, _, A, *_ = problem
         try:
-            return qp_data(*problem), (P, G, A)
+            return qp_data(*problem), problem[:6:2]
         except ValueError:  # they were clean
             raise ValueError(CHANGED) from None
     if len(problem) == 3:  # the matrices, the vectors, and P, G, A of a `Solver`

@@ -157,10 +157,9 @@ def route(qp, guess, limits, memory=None, given=None, doubt=None):
 
 def solve_transformed(qp, guess, judge, memory):
     """Solve with free columns substituted; if that is undecided, without."""
-    memory = memory or Memory()
-    if type(qp.P) is np.ndarray or not (qp.h.size or qp.b.size):
-        return solve_by_engines(qp, NO_TRANSFORMS, guess, judge, memory)
-    substitution = substitute(qp, memory.substitution, judge.limits.deadline)
+    memory, substitution = memory or Memory(), None
+    if not qp.is_dense and qp.h.size + qp.b.size > 0:
+        substitution = substitute(qp, memory.substitution, judge.limits.deadline)
     memory.substitution = substitution
     if substitution is not None:
         memory.convex = substitution.P  # P was checked; this adds only squares

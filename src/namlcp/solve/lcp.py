@@ -13,8 +13,7 @@ from namlcp.options import check_count, check_flag, check_number
 from namlcp.progress import LCP_COLUMNS, Progress
 from namlcp.results import LCPResult, lcp_result
 
-SWEEP_EPS_ABS = 1e-8
-"""Default eps_abs of the sweep methods."""
+SWEEP_EPS_ABS = 1e-8  # the default of the sweep methods
 
 
 def solve_lcp(

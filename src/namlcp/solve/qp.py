@@ -8,7 +8,7 @@ from namlcp.progress import QP_COLUMNS, Progress
 from namlcp.qp.active.solve import solve_small
 from namlcp.qp.batch import Items, available_cores, solve_items
 from namlcp.qp.intake import qp_data, stamp_of
-from namlcp.qp.problem import NO_GUESS, QP, check_warm_start, make_guess
+from namlcp.qp.problem import QP, check_warm_start, make_guess
 from namlcp.qp.route import solve_checked
 from namlcp.results import BatchResult, QPResult, batch_result, qp_result
 
@@ -124,10 +124,8 @@ def solve_arguments(
     name: str = "x0",
 ) -> QPResult:
     """Solve the QP of arguments of any kind; `name` stands for x0 in messages."""
-    P, _, G, _, A, *_ = arguments
-    qp, given, guess = qp_data(*arguments), (P, G, A), NO_GUESS
-    if not (x0 is None and warm_start is None):
-        guess = make_guess(qp, x0, warm_start, name)
+    qp, given = qp_data(*arguments), arguments[:6:2]  # P, G and A
+    guess = make_guess(qp, x0, warm_start, name)
     progress = Progress(QP_COLUMNS, options.verbose) if history else None
     ready = perf_counter()
     answer = solve_checked(qp, options, guess, start, progress, given=given)
