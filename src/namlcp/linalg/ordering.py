@@ -31,7 +31,7 @@ from cython.cimports.libc.stdlib import free, malloc, realloc
 from cython.cimports.namlcp.limits import Watched, is_over, raise_kept
 from cython.cimports.namlcp.linalg.arrays import indices as longs
 from cython.cimports.namlcp.linalg.arrays import places
-from scipy.sparse import csc_matrix
+from scipy.sparse import csc_matrix, triu
 
 from namlcp.checks import constant, refuse_size, transposed
 from namlcp.limits import NEVER, OutOfTime
@@ -430,9 +430,8 @@ def nested_dissection(indptr, indices):
         return None
     size = indptr.size - 1
     upper = csc_matrix((np.ones(indices.size), indices, indptr), shape=(size, size))
+    upper = triu(upper, 1)
     graph = (upper + upper.T).tocsr()
-    graph.setdiag(0.0)
-    graph.eliminate_zeros()
     adjacency = pymetis.CSRAdjacency(graph.indptr, graph.indices)
     _, place = pymetis.nested_dissection(adjacency)
     return postordered(indptr, indices, np.array(place, dtype=np.int32))

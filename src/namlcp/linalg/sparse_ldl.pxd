@@ -45,7 +45,7 @@ cdef class SparseFactors(Factors):
         double *y
         # Multiplications of a factorisation.
         double work
-        object arrays, reciprocals, row_numbers
+        object arrays
 
 
 cdef object as_array(double* values, Py_ssize_t size)

@@ -96,8 +96,7 @@ class SparseFactors(Factors):
         ints, longs = np.empty((3, n), np.int32), np.empty((3, n + 1), np.intp)
         below, chunks = np.empty((2, entries), np.int32)
         values, reals = np.empty(entries), np.empty((2, n))
-        self.arrays = order.place, triangle, ints, longs, chunks, values
-        self.reciprocals, self.row_numbers = reals[0], below
+        self.arrays = order.place, triangle, ints, longs, below, chunks, values, reals
         self.place, self.columns = places(order.place, n), places(columns, n + 1)
         self.rows, self.source = places(rows, rows.size), places(source, source.size)
         self.diagonal, self.width = places(ints[0], n), places(ints[1], n)
@@ -114,7 +113,7 @@ class SparseFactors(Factors):
     @property
     def pivots(self):
         """The diagonal of D, in the order of elimination."""
-        return 1.0 / self.reciprocals
+        return 1.0 / as_array(self.inverse, self.n)
 
     def factor_values(self, data, watch):
         starts, width, y = self.starts, self.width, self.y
