@@ -141,7 +141,7 @@ class Search(Criterion):
         attempt.run()
         self.count = attempt.factorisations
         self.offer(attempt.best(), method)
-        return attempt.solved
+        return attempt.solved and self.solved
 
     def decided(self, outcome: Outcome | None) -> Outcome | None:
         """Return the outcome of another method if it ends the search, else keep z.
