@@ -10,6 +10,19 @@ cdef enum:
     STAGES = 4
     BLOCK = 256
 
+# Of the triangular methods: rows of `vectors`, and of an iterate.
+cpdef enum:
+    OMEGA
+    INVERSE
+    Q
+    CHANGE
+    LOWER
+    UPPER
+
+cpdef enum:
+    S
+    Z
+
 cpdef bint is_ordinary(object q, object lower, object upper) except -1
 cdef bint are_ordinary(const double* q, const double* lower, const double* upper, Py_ssize_t n) noexcept nogil
 cpdef object affine(object A, object z, object q)
@@ -19,3 +32,5 @@ cpdef double relax(object indptr, object indices, object data, object q, object 
 cpdef bint two_colours(const int[::1] indptr, const int[::1] indices, unsigned char[::1] second) noexcept
 cpdef tuple relax_coloured(object indptr, object indices, object data, object q, object lower, object upper, double alpha, object z, const unsigned char[::1] second)
 cdef double relax_row(Py_ssize_t i, const int* row, const int* column, const double* entry, const double* c, const double* l, const double* u, double alpha, double* x) noexcept nogil
+cpdef double sweep_csr(object indptr, object indices, object data, object vectors, double G, double H, object old, object new) except? -1
+cpdef double sweep_dense(const double[:, ::1] A, double[:, ::1] vectors, double G, double H, const double[:, ::1] old, double[:, ::1] new) noexcept

@@ -50,7 +50,7 @@ import scipy.sparse as sp
 from scipy.linalg import eigh_tridiagonal
 
 from namlcp.lcp.data import LCP
-from namlcp.lcp.modulus.kernels import Z
+from namlcp.lcp.loops import Z
 from namlcp.lcp.modulus.methods import (
     SWEEPS,
     Parameters,

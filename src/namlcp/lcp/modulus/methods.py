@@ -23,7 +23,7 @@ import numpy as np
 from scipy import sparse
 
 from namlcp.lcp.data import LCP
-from namlcp.lcp.modulus.kernels import (
+from namlcp.lcp.loops import (
     INVERSE,
     LOWER,
     OMEGA,

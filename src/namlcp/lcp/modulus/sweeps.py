@@ -20,7 +20,7 @@ right side becomes -2 (A z + q - w), w = Omega (z - s), and the left one
     m*: G = beta/alpha,  nam*: G = beta/alpha + 1,  both H = 0,
     am*, p*: G = beta/alpha - 1, H = 2  (R(s+) - R(s) = 2 dz - ds).
 
-This is what `kernels` computes. Hence nam* is Bai's method with the splitting (M + E -
+This is what the loops compute. Hence nam* is Bai's method with the splitting (M + E -
 L, N + E - L). p* is am* with beta = alpha and Omega = D/alpha, which is projected SOR:
 z+ = clip(z - alpha D^-1 (A z + q - L dz)).
 
@@ -39,8 +39,8 @@ import numpy as np
 
 from namlcp.checks import vector
 from namlcp.lcp.data import LCP
+from namlcp.lcp.loops import S, Z
 from namlcp.lcp.modulus.adaptive import AdaptiveStep
-from namlcp.lcp.modulus.kernels import S, Z
 from namlcp.lcp.modulus.methods import (
     SWEEPS,
     Parameters,
