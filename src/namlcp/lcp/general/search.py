@@ -136,7 +136,7 @@ class Search(Criterion):
         """Offer the point that pivoting finds from z; tell whether it is exact."""
         limits = self.limits._replace(eps_abs=0.0, eps_rel=EXACT)
         attempt = Attempt(self.lcp, z, limits, ask_convex=False)
-        attempt.factorisations = self.count
+        attempt.factorisations, attempt.is_near = self.count, True
         attempt.most = min(self.most, self.count + PIVOTS)
         attempt.run()
         self.count = attempt.factorisations

@@ -73,7 +73,8 @@ cdef class Pivoting(Watched):
         Py_ssize_t fewest_wrong, patience
         # Given: `solve_free_system` is to be called; find out `convex`. Found: the
         # tolerance is met; A is semidefinite.
-        public bint is_external, ask_convex, convex
+        # The start is near a solution, whose face may be singular.
+        public bint is_external, ask_convex, convex, is_near
         readonly bint solved
         # States or rho have changed; there is no memory for a factor.
         bint must_factor, is_short
