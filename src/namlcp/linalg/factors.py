@@ -31,8 +31,7 @@ def plan_factors(
 ) -> Factors:
     """Return the factors that suit a pattern; `refactor` computes them.
 
-    The pattern is the upper triangle of a quasi-definite matrix in CSC. All diagonal
-    entries are stored, as the last of their columns. Raises OutOfTime.
+    The pattern is a triangle as `sparse_ldl` takes it. Raises OutOfTime.
     """
     order = best_order(indptr, indices, deadline)
     deadline.check(PASS * order.entries)

@@ -27,21 +27,18 @@ cdef extern from "vectors.h" nogil:
 
 
 cdef inline void copy(const double* a, double* out, Py_ssize_t n) noexcept nogil:
-    """Set out to a."""
     cdef Py_ssize_t i
     for i in range(n):
         out[i] = a[i]
 
 
 cdef inline void fill(double* out, double value, Py_ssize_t n) noexcept nogil:
-    """Set all entries of out to one value."""
     cdef Py_ssize_t i
     for i in range(n):
         out[i] = value
 
 
 cdef inline double largest_entry(const double* v, Py_ssize_t n) noexcept nogil:
-    """Return max |v_i|, 0 for no entries."""
     cdef Py_ssize_t i
     cdef double largest = 0.0
     for i in range(n):
