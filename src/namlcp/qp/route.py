@@ -19,6 +19,7 @@ from namlcp.qp.active.solve import (
     MOST_BOX,
     MOST_LINEAR,
     SPARSE_LINEAR,
+    TINY_ENTRIES,
     solve_dense,
 )
 from namlcp.qp.bounds import is_box_open, solve_bounds
@@ -158,6 +159,10 @@ def route(qp, guess, limits, memory=None, given=None, doubt=None):
 def solve_transformed(qp, guess, judge, memory):
     """Solve with free columns substituted; if that is undecided, without."""
     memory, substitution = memory or Memory(), None
+    if entries_of(qp) <= TINY_ENTRIES and takes_dense(qp):  # first as it came
+        found = solve_dense(qp, NO_TRANSFORMS, guess, judge)
+        if found is not None and found.status in ENDS:
+            return found
     if not qp.is_dense and qp.h.size + qp.b.size > 0:
         substitution = substitute(qp, memory.substitution, judge.limits.deadline)
     memory.substitution = substitution
@@ -193,8 +198,12 @@ def without_huge_bounds(qp):
     return qp._replace(h=h, lb=-low, ub=ub)
 
 
+def entries_of(qp):
+    return qp.q.size * (qp.q.size + qp.h.size + qp.b.size)
+
+
 def is_small(qp):
-    entries = qp.q.size * (qp.q.size + qp.h.size + qp.b.size)
+    entries = entries_of(qp)
     if qp.q.size > DENSE_VARIABLES or entries > DENSE_ENTRIES:
         return False
     if entries <= FEW_ENTRIES:
