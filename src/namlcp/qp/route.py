@@ -159,11 +159,11 @@ def route(qp, guess, limits, memory=None, given=None, doubt=None):
 def solve_transformed(qp, guess, judge, memory):
     """Solve with free columns substituted; if that is undecided, without."""
     memory, substitution = memory or Memory(), None
-    if entries_of(qp) <= TINY_ENTRIES and takes_dense(qp):  # first as it came
-        found = solve_dense(qp, NO_TRANSFORMS, guess, judge)
-        if found is not None and found.status in ENDS:
-            return found
     if not qp.is_dense and qp.h.size + qp.b.size > 0:
+        if entries_of(qp) <= TINY_ENTRIES and takes_dense(qp):  # first as it came
+            found = solve_dense(qp, NO_TRANSFORMS, guess, judge)
+            if found is not None and found.status in ENDS:
+                return found
         substitution = substitute(qp, memory.substitution, judge.limits.deadline)
     memory.substitution = substitution
     if substitution is not None:
