@@ -34,6 +34,8 @@ cdef double gap_by_products(const Terms* t, double* finite, double* beside) noex
 cdef double finite_dot(const double* sides, const double* multipliers, double sign, Py_ssize_t n, double* finite, double* beside) noexcept nogil
 cdef int set_terms(Terms* t, object vectors, object point) except -1
 cpdef tuple residuals_of_products(tuple vectors, tuple point, tuple products)
+cpdef tuple residuals_of_columns(object qp, object point)
+cdef tuple in_order(const Terms* t, double* work)
 cpdef double largest_ratio(object found, double eps_abs, double eps_rel) except? -1
 cpdef double signed_gap(object qp, object point, object Px) except? -1
 cpdef (double, double, double) rounding_errors(double P, double G, double A, double x, double y, double z) noexcept nogil

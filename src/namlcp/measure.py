@@ -11,7 +11,13 @@ from cython.cimports.libc.math import INFINITY, NAN, fabs, isinf, sqrt
 from cython.cimports.namlcp.box import clip, deviation
 from cython.cimports.namlcp.linalg.arrays import data_of, new_vector, numbers
 from cython.cimports.namlcp.linalg.blas import blas_dot
-from cython.cimports.namlcp.linalg.vectors import box_squares
+from cython.cimports.namlcp.linalg.csc import (
+    Columns,
+    columns_times,
+    columns_times_transposed,
+    take_columns,
+)
+from cython.cimports.namlcp.linalg.vectors import box_squares, fill
 
 # If all terms of the gap are smaller than this, then its rounding error is below 1e-12
 # in whatever order they are added.
@@ -122,22 +128,48 @@ def set_terms(t, vectors, point):
 
 
 def residuals_of_products(vectors, point, products):
-    """Return the numbers of `Residuals`; products = (Px, Gx, Ax, G'z, A'y).
-
-    The gap of large terms is that which qpsolvers adds.
-    """
+    """Return the numbers of `Residuals`; products = (Px, Gx, Ax, G'z, A'y)."""
     t: Terms
     set_terms(cython.address(t), vectors, point)
     Px, Gx, Ax, Gtz, Aty = products
     t.Px, t.Gx, t.Ax = numbers(Px, t.n), numbers(Gx, t.m), numbers(Ax, t.p)
     t.Gtz, t.Aty = numbers(Gtz, t.n), numbers(Aty, t.n)
+    work = new_vector(2 * max(t.n, t.m))
+    return in_order(cython.address(t), data_of(work))
+
+
+def residuals_of_columns(qp, point):
+    """Return the numbers of `Residuals` for P, G and A as csc_array or csc_matrix."""
+    t: Terms
+    M: Columns
+    P, q, G, h, A, b, lb, ub = qp
+    set_terms(cython.address(t), (q, h, b, lb, ub), point)
+    n, m, p = t.n, t.m, t.p
+    work = new_vector(3 * n + m + p + 2 * max(n, m))
+    t.Px = data_of(work)
+    t.Gtz, t.Aty = t.Px + n, t.Px + 2 * n
+    t.Gx = t.Px + 3 * n
+    t.Ax = t.Gx + m
+    fill(t.Px, 0.0, 3 * n + m + p)
+    take_columns(P, n, cython.address(M))
+    columns_times(cython.address(M), n, t.x, t.Px)
+    if m > 0:
+        take_columns(G, n, cython.address(M))
+        columns_times(cython.address(M), n, t.x, t.Gx)
+        columns_times_transposed(cython.address(M), n, t.z, t.Gtz)
+    if p > 0:
+        take_columns(A, n, cython.address(M))
+        columns_times(cython.address(M), n, t.x, t.Ax)
+        columns_times_transposed(cython.address(M), n, t.y, t.Aty)
+    return in_order(cython.address(t), t.Ax + p)
+
+
+def in_order(t, work):
+    """Return the numbers, with a gap of large terms as qpsolvers adds it."""
     found: Numbers
-    measure(cython.address(t), cython.address(found))
+    measure(t, cython.address(found))
     if not found.gap_size < LARGE_TERM:
-        size = max(t.n, t.m)
-        work = new_vector(2 * size)
-        at = data_of(work)
-        found.gap = fabs(gap_by_products(cython.address(t), at, at + size))
+        found.gap = fabs(gap_by_products(t, work, work + max(t.n, t.m)))
     return (
         found.primal, found.dual, found.gap, found.primal_size, found.dual_size,
         found.gap_size, found.objective,

@@ -21,16 +21,21 @@ smaller one.
 import numpy as np
 import scipy.sparse as sp
 from cython.cimports.libc.math import INFINITY
-from cython.cimports.namlcp.measure import largest_ratio, on_bounds, rounding_errors
+from cython.cimports.namlcp.measure import (
+    largest_ratio,
+    on_bounds,
+    residuals_of_columns,
+    rounding_errors,
+)
 from scipy.linalg.blas import dnrm2
 
 from namlcp.checks import matrix
-from namlcp.linalg.csc import add_transposed, times
+from namlcp.linalg.csc import add_transposed, is_clean_csc, times
 from namlcp.linalg.definite import asymmetry
 from namlcp.measure import signed_gap
 from namlcp.qp.certificates import accepted
 from namlcp.qp.problem import Point
-from namlcp.residuals import qp_residuals
+from namlcp.residuals import Residuals, qp_residuals
 from namlcp.status import FINAL, Outcome, Status
 
 BY_LUCK = (
@@ -69,6 +74,7 @@ class Judge:
         self.qp, self.checked, self.limits, self.doubt = qp, qp, limits, doubt
         self.tolerances = limits.eps_abs, limits.eps_rel
         self.given = None if given is None or are_own(given, qp) else given
+        self.is_columns = type(qp.P) is not np.ndarray
         self.best = INFINITY
         self.point = self.residuals = self.proof = self.offered = None
         self.message = ""
@@ -122,7 +128,9 @@ class Judge:
         return largest_ratio(residuals, eps_abs, eps_rel)
 
     def residuals_of(self, point):
-        return qp_residuals(*self.qp, *point)
+        if not self.is_columns:
+            return qp_residuals(*self.qp, *point)
+        return Residuals(*residuals_of_columns(self.qp, point))
 
     def ratio_in_other_order(self, residuals, point, sign):
         """Return the largest residual over its tolerance after another order of sums.
@@ -142,6 +150,7 @@ class Judge:
         if asymmetry(matrix("P", P, "csc"))[0] > 0.0:
             P = self.qp.P  # (P + P') / 2
         self.qp, self.given = self.qp._replace(P=P, G=G, A=A), None
+        self.is_columns = all(map(is_clean_csc, (P, G, A)))
         self.message = BY_LUCK  # unless a point passes
         if self.point is not None:
             self.best = INFINITY
