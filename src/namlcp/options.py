@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from namlcp.limits import NEVER, Deadline, Limits
+from namlcp.limits import NEVER, Deadline, Limits, Settings
 from namlcp.progress import Progress
 
 CERTIFICATE = "certificate"
@@ -87,6 +87,11 @@ class Options:
     def relaxation(self) -> "Relaxation | None":
         """What `infeasible` asks for beyond a certificate, None if nothing."""
         return relaxation_of(self.infeasible)
+
+    @cached_property
+    def settings(self) -> Settings:
+        """The tolerances and limits, for compiled code."""
+        return Settings(self.eps_abs, self.eps_rel, self.max_iter, self.time_limit)
 
     @cached_property
     def is_plain(self) -> bool:

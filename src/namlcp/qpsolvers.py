@@ -79,7 +79,7 @@ def nam_solve_problem(
     try:
         result = None
         if options.is_plain:
-            how = QPResult, options, start, False
+            how = QPResult, options.settings, start, False
             result = solve_small(*how, arguments, initvals, warm_start)
         if result is None:
             result = solve_arguments(

@@ -95,7 +95,7 @@ def by_active_set(qp, **settings):
     kept = kept_for(qp)
     for step in () if kept is None else (qp._replace(q=qp.q + 1.0), qp):
         until = perf_counter() + options.time_limit
-        solve(kept, step.joined(), options, until)
+        solve(kept, step.joined(), options.settings, until)
         found = answer_of(kept, Judge(step, options.limits()), NO_TRANSFORMS)
     if found is not None:
         fields = found._asdict() | found.point._asdict()

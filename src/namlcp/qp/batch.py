@@ -198,7 +198,7 @@ def solve_stack(
             space = DenseActiveSet()
             active.attach(space, *firsts, True)
         active.solve_items(
-            space, arrays, stacked, chunks[k].start, chunks[k].stop, options,
+            space, arrays, stacked, chunks[k].start, chunks[k].stop, options.settings,
             outs, codes, found.iterations,
         )  # fmt: skip
         spaces.append(space)

@@ -104,7 +104,7 @@ def solve_qp(
         check_flag("derivative", derivative)
     arguments = P, q, G, h, A, b, lb, ub
     if options.is_plain and not history:
-        how = QPResult, options, start, derivative
+        how = QPResult, options.settings, start, derivative
         result = solve_small(*how, arguments, x0, warm_start)
         if result is not None:
             return result

@@ -272,7 +272,9 @@ class Solver(metaclass=Public):
                     self.is_renewed = False
                     active.renew(m, self.qp)
                 problem = self.matrices, self.vectors, self.given
-                result = active.step(m, QPResult, self.vectors, problem, options, start)
+                result = active.step(
+                    m, QPResult, self.vectors, problem, options.settings, start
+                )
                 if result is None or not self.is_own:
                     result = self.judged(start)
                 elif not derivative:

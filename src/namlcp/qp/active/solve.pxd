@@ -1,3 +1,4 @@
+from namlcp.limits cimport Settings
 from namlcp.qp.active.dense cimport DenseActiveSet
 from namlcp.qp.active.engine cimport ActiveSet
 
@@ -16,7 +17,7 @@ cdef tuple OPEN_SIDES
 cdef double FEW_OPERATIONS, PASSES, OF_COST, OF_ROWS, ACTIVE, MOST_ANEW
 
 cdef Py_ssize_t filled(const double* values, Py_ssize_t count) noexcept nogil
-cdef int take_limits(ActiveSet m, object options, double until) except -1
+cdef void take_settings(ActiveSet m, Settings settings, double until)
 cdef int run(ActiveSet m) except -1
 cdef object result_of(ActiveSet m, object kind, object problem, double start, double ready)
 cdef Py_ssize_t height_of(object C, object d, Py_ssize_t n)

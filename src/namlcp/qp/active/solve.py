@@ -14,7 +14,7 @@ from cython import Py_ssize_t
 from cython.cimports import numpy as cnp
 from cython.cimports.libc.math import INFINITY, fabs
 from cython.cimports.libc.string import memcpy
-from cython.cimports.namlcp.limits import begin_watch, raise_kept
+from cython.cimports.namlcp.limits import Settings, begin_watch, raise_kept
 from cython.cimports.namlcp.linalg.arrays import (
     are_places,
     data_of,
@@ -105,12 +105,11 @@ def attach(m, P, G, A, is_single):
     return 0
 
 
-def take_limits(m, options, until):
-    """Note those of `Options` or `Limits`; until: perf_counter() where time is over."""
-    m.eps_abs, m.eps_rel = options.eps_abs, options.eps_rel
-    m.max_iter = options.max_iter
+def take_settings(m, settings, until):
+    """Note tolerances and limits; until: the perf_counter() at which time is over."""
+    m.eps_abs, m.eps_rel = settings.eps_abs, settings.eps_rel
+    m.max_iter = settings.max_iter
     begin_watch(m, until)
-    return 0
 
 
 def run(m):
@@ -150,7 +149,9 @@ def height_of(C, d, n):
     return rows if is_pair else -1
 
 
-def solve_small(kind, options, start, keeps, given: tuple, x0=None, warm_start=None):
+def solve_small(
+    kind, settings: Settings, start, keeps, given: tuple, x0=None, warm_start=None
+):
     """Solve a small QP whose arguments are clean; None where they are not.
 
     given: P, q, G, h, A, b, lb, ub as they came. P, G and A are dense, or in CSC and
@@ -188,7 +189,7 @@ def solve_small(kind, options, start, keeps, given: tuple, x0=None, warm_start=N
         m.b = data_of(b)
     m.lb = bound_at(lb, m.no_bound, n, -INFINITY)
     m.ub = bound_at(ub, m.no_bound + n, n, INFINITY)
-    take_limits(m, options, start + options.time_limit)
+    take_settings(m, settings, start + settings.time_limit)
     if warm_start is not None:
         if not suggest_solution(m, warm_start):
             return None
@@ -261,10 +262,11 @@ def solve_dense(qp, chain, guess, judge, memory=None):
     """
     limits, own = judge.limits, qp.in_dense_form()
     most = limits.max_iter or DEFAULT_OPTIONS.max_iter
+    settings = Settings(limits.eps_abs, limits.eps_rel, most, 0.0)
     m: DenseActiveSet = DenseActiveSet.__new__(DenseActiveSet)
     attach(m, own.P, own.G, own.A, True)
     suggest(m, guess)
-    solve(m, own.joined(), limits._replace(max_iter=most), limits.deadline.at)
+    solve(m, own.joined(), settings, limits.deadline.at)
     answer = answer_of(m, judge, chain)
     if own is judge.qp and answer is not None and answer.status is SOLVED:
         answer = answer._replace(factors=factors_of(m))
@@ -390,21 +392,22 @@ def is_vector(value, size):
     return fits(value, 1) and cnp.PyArray_DIM(value, 0) == size
 
 
-def solve(m: ActiveSet, vectors, options, until):
+def solve(m: ActiveSet, vectors, settings: Settings, until):
     """Solve the QP with these vectors, see `QP.joined`; return the code."""
     m.vectors, m.q = vectors, data_of(vectors)
     m.h = m.q + m.n
     m.b = m.h + m.m
     m.lb = m.b + m.p
     m.ub = m.lb + m.n
-    take_limits(m, options, until)
+    take_settings(m, settings, until)
     run(m)
     return m.code
 
 
-def step(m: ActiveSet, kind, vectors, problem, options, start):
+def step(m: ActiveSet, kind, vectors, problem, settings: Settings, start):
     """Do `solve`; return the result of a class, None where it is not DONE."""
-    if solve(m, vectors, options, start + options.time_limit) != DONE:
+    until = start + settings.time_limit
+    if solve(m, vectors, settings, until) != DONE:
         return None
     return result_of(m, kind, problem, start, start)
 
@@ -434,7 +437,7 @@ def updated(vectors, parts: tuple, sizes: tuple):
 
 def solve_items(
     m: DenseActiveSet, arrays, stacked, first: Py_ssize_t, end: Py_ssize_t,
-    options, outs, codes, iterations,
+    settings: Settings, outs, codes, iterations,
 ):  # fmt: skip
     """Solve the items first to end - 1 of a batch, each from nothing.
 
@@ -455,7 +458,7 @@ def solve_items(
     code = cython.cast(cython.p_longlong, cnp.PyArray_DATA(codes))
     count = cython.cast(cython.p_longlong, cnp.PyArray_DATA(iterations))
     m.is_single = True
-    take_limits(m, options, INFINITY)
+    take_settings(m, settings, INFINITY)
     with cython.nogil:
         for i in range(first, end):
             m.P, m.q = data[0] + i * width[0], data[1] + i * width[1]
