@@ -91,7 +91,8 @@ cdef class ActiveSet(Watched):
     cdef double project(self, Py_ssize_t row) noexcept nogil
     cdef bint append(self, Py_ssize_t row, Py_ssize_t side, double multiplier, double rest) noexcept nogil
     cdef bint remove(self, Py_ssize_t i) noexcept nogil
-    cdef void set_dual_point(self) noexcept nogil
+    cdef void set_multipliers(self) noexcept nogil
+    cdef void set_point_values(self) noexcept nogil
     cdef bint finish(self) noexcept nogil
 
 
@@ -105,8 +106,8 @@ cdef double* response_of(ActiveSet m, Py_ssize_t row) noexcept nogil
 cdef double* claim_place(ActiveSet m, Py_ssize_t row) noexcept nogil
 cdef void forget_responses(ActiveSet m) noexcept nogil
 cdef void forget_rows(ActiveSet m) noexcept nogil
-cdef void subtract_responses(ActiveSet m, const double* factor, double* s) noexcept nogil
-cdef void subtract_active(ActiveSet m, double* factor, double* s) noexcept nogil
+cdef void subtract_responses(ActiveSet m, const double* factor, Py_ssize_t k, double* s) noexcept nogil
+cdef void subtract_active(ActiveSet m, double* values) noexcept nogil
 cdef double rest_of(ActiveSet m, Py_ssize_t row) noexcept nogil
 cdef bint is_independent(ActiveSet m, Py_ssize_t row, double rest, double limit) noexcept nogil
 cdef void insert_place(ActiveSet m, Py_ssize_t at, Py_ssize_t row, Py_ssize_t side, double multiplier) noexcept nogil

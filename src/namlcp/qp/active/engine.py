@@ -88,8 +88,8 @@ class ActiveSet(Watched):
     def begin(self):
         """Set the base solution; keep the active rows of the last QP, or of a hint.
 
-        Those without a side now leave, and so do rows of a hint that depend on others.
-        False if the factors do not allow it.
+        Less those without a side now, and rows of a hint that depend on others. False
+        if the factors do not allow it.
         """
         set_base_values(self)
         self.operations = 0.0
@@ -118,7 +118,7 @@ class ActiveSet(Watched):
         copy(self.coefficient, self.ratio, k)
         triangle_solve_transposed(self.triangle, k, self.ratio)
         copy(response_of(self, row), self.direction, self.length)
-        subtract_responses(self, self.ratio, self.direction)
+        subtract_responses(self, self.ratio, k, self.direction)
         if not is_new:
             fill(self.direction, 0.0, self.rows)
             return 0.0
@@ -136,13 +136,12 @@ class ActiveSet(Watched):
         remove_place(self, i)
         return True
 
-    def set_dual_point(self):
-        """Set mu = S^-1 (s0_F - d_F) and s = s0 - sum mu_i w_i."""
+    def set_multipliers(self):
         for i in range(self.k):
             row = self.active[i]
             self.multiplier[i] = self.s0[row] - goal_of(self, row, self.side[row])
-        copy(self.s0, self.s, self.length)
-        subtract_active(self, self.multiplier, self.s)
+        triangle_solve(self.triangle, self.k, self.multiplier)
+        triangle_solve_transposed(self.triangle, self.k, self.multiplier)
 
     def finish(self):
         """Step 3: mu and s as functions of the active rows alone; False if these fail.
@@ -153,9 +152,14 @@ class ActiveSet(Watched):
         if self.changed and not self.is_single:
             if self.k <= MOST_SORTED and not factor_active(self):
                 return False
-            self.set_dual_point()
+            self.set_multipliers()
+            self.set_point_values()
         self.changed = False
         return True
+
+    def set_point_values(self):
+        copy(self.s0, self.s, self.length)
+        subtract_responses(self, self.multiplier, self.k, self.s)
 
 
 def reals(m, count):
@@ -265,12 +269,12 @@ def forget_rows(m):
     m.k, m.hints = 0, 0
 
 
-def subtract_responses(m, factor, s):
-    """Set s -= sum of factor_i w_i over active rows.
+def subtract_responses(m, factor, k, s):
+    """Set s -= sum over i < k of factor[i] times the response to active row i.
 
     Four rows at a time, because reading and writing s would take most of the time.
     """
-    active, k = m.active, m.k
+    active = m.active
     i: Py_ssize_t = 0
     while i + 4 <= k:
         add_four(
@@ -285,11 +289,11 @@ def subtract_responses(m, factor, s):
         i += 1
 
 
-def subtract_active(m, factor, s):
-    """Do so with S^-1 factor, which takes the place of factor."""
-    triangle_solve(m.triangle, m.k, factor)
-    triangle_solve_transposed(m.triangle, m.k, factor)
-    subtract_responses(m, factor, s)
+def subtract_active(m, values):
+    """Set m.work = S^-1 m.work, and values -= sum of m.work_i w_i over active rows."""
+    triangle_solve(m.triangle, m.k, m.work)
+    triangle_solve_transposed(m.triangle, m.k, m.work)
+    subtract_responses(m, m.work, m.k, values)
 
 
 def rest_of(m, row):
@@ -351,7 +355,7 @@ def drop_wrong_signs(m):
     False where the factors do not allow it.
     """
     while True:
-        m.set_dual_point()
+        m.set_multipliers()
         leaving: Py_ssize_t = -1
         least = 0.0
         for i in range(m.k):
@@ -359,9 +363,11 @@ def drop_wrong_signs(m):
             if signed < least and not is_pinned(m, m.active[i]):
                 leaving, least = i, signed
         if leaving < 0:
-            return True
+            break
         if not m.remove(leaving):
             return False
+    m.set_point_values()
+    return True
 
 
 # ---- step 2

@@ -152,14 +152,21 @@ class NullSpace(DenseActiveSet):
             return False
         return factor_held(self)
 
-    def set_dual_point(self):
+    def set_multipliers(self):
+        """Set the point on the face, too."""
         if not self.on_face:
-            DenseActiveSet.set_dual_point(self)
+            DenseActiveSet.set_multipliers(self)
             return
         set_face_point(self)
         for j in range(self.n):
             self.slope[j] = -self.q[j] - self.load[j]
         set_multipliers_of(self, self.multiplier)
+
+    def set_point_values(self):
+        """Set G x, on the face, where `set_multipliers` has set the rest."""
+        if not self.on_face:
+            DenseActiveSet.set_point_values(self)
+            return
         times_rows(self.G, self.m, self.n, self.n, self.s + self.m, self.s)
 
     def finish(self):

@@ -151,7 +151,8 @@ def solve_by_rounds(m):
     fill(m.centre, 0.0, m.n)
     m.begin()
     if m.k > 0:
-        m.set_dual_point()
+        m.set_multipliers()
+        m.set_point_values()
         if descend(m) == DONE:
             found = settle(m)
     while found == STUCK and rounds < MOST_ROUNDS:
@@ -163,7 +164,8 @@ def solve_by_rounds(m):
         if found != DONE:
             return found
         if m.changed:
-            m.set_dual_point()
+            m.set_multipliers()
+            m.set_point_values()
         rounds += 1
         found = descend(m)
         if found == DONE:
@@ -283,7 +285,7 @@ def set_change(m):
     for i in range(m.k):
         row = m.active[i]
         m.work[i] = m.change[row] + m.s[row] - goal_of(m, row, m.side[row])
-    subtract_active(m, m.work, m.change)
+    subtract_active(m, m.change)
 
 
 def set_held_change(m):
@@ -291,7 +293,7 @@ def set_held_change(m):
     m.set_values(m.rhs, m.change)
     for i in range(m.k):
         m.work[i] = m.change[m.active[i]]
-    subtract_active(m, m.work, m.change)
+    subtract_active(m, m.change)
 
 
 def take_change(m):
