@@ -46,8 +46,6 @@ LARGE_LCP = 10_000
 LEMKE_ORDER, LAST_LEMKE = 400, 1200
 # Order up to which a proof is cheap beside a path.
 PROOF_ORDER = 250
-# Message of an LCP left undecided.
-UNDECIDED = "no solution was found, and no proof that there is none"
 
 
 class Method(NamedTuple):
@@ -105,7 +103,7 @@ def solve_general(
             outcome = search.decided(stage(search))
             if outcome is not None:
                 return outcome
-        return search.outcome(UNDECIDED)
+        return search.outcome("no solution was found, and no proof that there is none")
 
 
 def stages(matrix: Prepared) -> Iterator[Callable[[Search], Outcome | None]]:

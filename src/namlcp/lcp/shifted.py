@@ -58,29 +58,28 @@ class Shifted:
                 lu = splu(sparse.csc_array(M + sparse.diags_array(diagonal)))
             except RuntimeError:
                 return None
+            orders = lu.perm_r, lu.perm_c
             return ShiftedFactors(
-                lu.solve,
-                lambda: is_even(lu.U.diagonal(), lu.perm_r, lu.perm_c),
+                lu.solve, lambda: is_even(lu.U.diagonal(), *map(swaps, orders))
             )
         K = M.copy(order="F")
         K[np.diag_indices_from(K)] += diagonal
         lu, pivots, info = dgetrf(K, overwrite_a=1)
         if info != 0:
             return None
+        swapped = int(np.count_nonzero(pivots != np.arange(pivots.size)))
         return ShiftedFactors(
-            lambda b: dgetrs(lu, pivots, b)[0],
-            lambda: (
-                is_even(np.where(pivots == np.arange(pivots.size), 1.0, -1.0))
-                == is_even(lu.diagonal())
-            ),
+            lambda b: dgetrs(lu, pivots, b)[0], lambda: is_even(lu.diagonal(), swapped)
         )
 
 
-def is_even(pivots: np.ndarray, *orders: np.ndarray) -> bool:
-    """Tell whether pivots and permutations make a determinant > 0."""
-    changes = np.count_nonzero(pivots < 0.0)
-    for order in orders:  # n less the cycles is the number of transpositions
-        n = order.size
-        graph = sparse.csr_array((np.ones(n), order, np.arange(n + 1)))
-        changes += n - connected_components(graph)[0]
-    return bool(changes % 2 == 0)
+def is_even(pivots: np.ndarray, *swapped: int) -> bool:
+    """Tell whether the determinant is positive, by pivots and numbers of swaps."""
+    return bool((np.count_nonzero(pivots < 0.0) + sum(swapped)) % 2 == 0)
+
+
+def swaps(order: np.ndarray) -> int:
+    """Return the number of transpositions of a permutation: n less its cycles."""
+    n = order.size
+    graph = sparse.csr_array((np.ones(n), order, np.arange(n + 1)))
+    return int(n - connected_components(graph)[0])

@@ -65,8 +65,6 @@ LARGEST_TABLEAU = 5000
 TRIES, MORE_TRIES, PIVOTS, MORE_PIVOTS = 10, 100, 50, 10_000
 # Multiplications between two checks of the deadline: about 10 ms.
 UNSEEN = 10_000_000
-# Of the third covering vector.
-SEED = 0
 # In a game, pivots at most from each label in the first round, and the factor to the
 # next; no round allows more than LAST_LIMIT n.
 FIRST_LIMIT, GROWTH, LAST_LIMIT = 20, 4, 1000
@@ -104,7 +102,7 @@ def solve_by_lemke(search: Search) -> Outcome | None:
         return None
     limit = search.limits.max_iter
     most = math.inf if limit is None else limit
-    rng = np.random.default_rng(SEED)
+    rng = np.random.default_rng(0)
     largest = np.abs(plain.M).max(axis=1, initial=0.0)
     rows = np.where(largest > 0.0, largest, 1.0)
     for d in (rows, np.ones(rows.size), rng.uniform(0.2, 1.0, rows.size)):

@@ -26,10 +26,8 @@ from namlcp.status import Outcome, Status
 # to the part AGAIN of that there; that of a point which is exact, whatever the
 # tolerances say. A path that has solved the problem, not exactly, has LEFT steps more.
 TARGET, CLOSE, AGAIN, EXACT, LEFT = 1e-9, 1e-4, 0.01, 1e-12, 30
-# Factorisations of a search for the exact solution, at most.
-PIVOTS = 6
-# Factorisations at most, by default: beyond those of earlier methods.
-FACTORISATIONS = 5000
+# Factorisations at most: of a search for the exact solution; of all, by default.
+PIVOTS, FACTORISATIONS = 6, 5000
 
 
 class Search(Criterion):
@@ -153,9 +151,9 @@ class Search(Criterion):
         self.offer(outcome.point.z, outcome.method)
         if outcome.status is not Status.SOLVED:
             return None
-        if self.least > EXACT * self.size:
-            if not self.pivot(outcome.point.z, outcome.method):
-                self.by_path()
+        exact = self.least <= EXACT * self.size
+        if not (exact or self.pivot(outcome.point.z, outcome.method)):
+            self.by_path()
         return self.lcp.outcome(
             outcome.status, self.z, self.w, outcome.iterations, self.method
         )

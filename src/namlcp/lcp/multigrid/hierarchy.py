@@ -26,13 +26,7 @@ from scipy import sparse
 from scipy.linalg.blas import daxpy, dnrm2
 
 from namlcp.lcp.loops import row_sums
-from namlcp.lcp.multigrid.kernels import (
-    ascend,
-    descend,
-    free_product,
-    take_diagonal,
-    truncate_coarse,
-)
+from namlcp.lcp.multigrid.kernels import ascend, descend, free_product, truncate_coarse
 from namlcp.lcp.prepared import Prepared
 from namlcp.limits import NEVER, Deadline
 from namlcp.linalg.csc import arrays_of
@@ -303,9 +297,10 @@ def coarsen(
     entries = MOST_COARSE_ENTRIES * A.nnz
     while entries >= 0 and not deadline.reached():
         n = A.shape[0]
-        d, diagonal = np.zeros(n), np.zeros(n, np.int32)
-        take_diagonal(A.indptr, A.indices, A.data, d, diagonal)
-        if not np.all(d > 0.0):
+        rows = np.repeat(np.arange(n, dtype=np.int32), np.diff(A.indptr))
+        diagonal = np.flatnonzero(A.indices == rows).astype(np.int32)
+        d = A.data[diagonal]
+        if d.size < n or not np.all(d > 0.0):
             return None
         found = None
         if n > MAX_COARSE and len(levels) < MAX_LEVELS:

@@ -3,7 +3,6 @@ from namlcp.linalg.csc cimport Columns
 cdef double VANISHED
 
 cdef Columns rows_of(object M, Py_ssize_t n) except *
-cpdef void take_diagonal(const int[::1] indptr, const int[::1] indices, const double[::1] data, double[::1] d, int[::1] diagonal) noexcept
 cpdef void free_product(object matrix, const double[::1] dinv, const double[::1] x, double[::1] y)
 cpdef void descend(object matrix, const int[::1] diagonal, object interpolation, const double[::1] dinv, const double[::1] b, double[::1] x, double[::1] coarse)
 cpdef void ascend(object matrix, const int[::1] diagonal, object interpolation, const double[::1] dinv, const double[::1] b, const double[::1] coarse, double[::1] x)

@@ -26,14 +26,6 @@ def rows_of(M, n):
     return rows
 
 
-def take_diagonal(indptr, indices, data, d, diagonal):
-    """Write the stored a_ii and their positions."""
-    for i in range(d.shape[0]):
-        for k in range(indptr[i], indptr[i + 1]):
-            if indices[k] == i:
-                d[i], diagonal[i] = data[k], k
-
-
 def free_product(matrix, dinv, x, y):
     """Write y = T A x, for T = I in less than half of the time of SciPy's product."""
     n = dinv.shape[0]
