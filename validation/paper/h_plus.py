@@ -2,8 +2,7 @@
 
 h_plus-definition
     Random matrices on both sides of rho(J) = 1, near the border included; the truth is
-    the construction (dense eigenvalues), and every witness is checked in rational
-    arithmetic.
+    the construction (dense eigenvalues); witnesses are checked in rational arithmetic.
 h_plus
     n = 10^6, is_h_plus beside one sweep, one product and one multigrid solve.
 convergence-proofs

@@ -9,6 +9,8 @@ cdef enum:
     PROVE = 8
     CLOCK = 16
     STOP = 32
+    DOUBT = 64
+    RESISTS = 30
     LARGE_KKT = 5_000
     MOST_RESTARTS = 2
     PATIENCE = 100

@@ -8,7 +8,8 @@ steps of separate length.
 
 What an iterate needs, as `look` says: REPORT: to be reported; JUDGE: measured on
 unscaled data; ACTIVE_SET: refined with its active set; PROVE: tested for a certificate;
-CLOCK: the time to be looked at; STOP: the end of the loop.
+CLOCK: the time to be looked at; STOP: the end of the loop; DOUBT: the least shifts to
+be asked, once, whether there is a feasible point.
 """
 
 import cython
@@ -61,8 +62,8 @@ CLOSE = 1e3
 # DROP_LARGE, since the last refinement; and from STEADY times the tolerance on an
 # active set that did not change in the last iteration.
 NEAR, NEAR_MU, DROP, DROP_LARGE, STEADY = 1e-2, 1e-7, 0.1, 1e-3, 100.0
-# Primal residual over its tolerance from which on a solve that stagnates asks the least
-# shifts, once, whether there is a feasible point.
+# These are asked where the primal residual is FAR times its tolerance or more and
+# RESISTS iterations have not halved the worst one.
 FAR = 10.0
 # Passes over the entries of L in one iteration, about.
 PASSES = 20.0
@@ -176,8 +177,6 @@ def iterate(m, guess):
             return Status.TIME_LIMIT
         if not goes_on and m.iterations == 0:
             return Status.NUMERICAL_ERROR
-        if not m.is_warm and m.primal_ratio > FAR and m.judge.is_disproved():
-            return Status.PRIMAL_INFEASIBLE
         if not restart(m):
             return Status.STALLED
         m.iterations += 1
@@ -208,6 +207,8 @@ def answer(m, wants):
     if m.judge.is_solved:
         return Status.SOLVED
     verdict = find_proof(m) if wants & PROVE else None
+    if verdict is None and wants & DOUBT and m.judge.is_disproved():
+        return Status.PRIMAL_INFEASIBLE
     if verdict is None and m.iterations < m.max_iter and is_late(m):
         return Status.TIME_LIMIT
     if verdict is None and m.refused >= MOST_REFUSED:
@@ -237,6 +238,8 @@ def look(m):
     m.since_halved += 1
     if m.worst <= 0.5 * m.reference:
         m.reference, m.since_halved = m.worst, 0
+    if m.since_halved == RESISTS and m.primal_ratio > FAR:
+        wants |= DOUBT
     stagnates: cython.bint = m.since_halved > m.patience or not m.worst < INFINITY
     if stagnates or m.iterations >= m.max_iter:
         wants |= STOP
