@@ -104,6 +104,7 @@ cdef void assemble(Fronts f, Py_ssize_t s, Py_ssize_t side) noexcept nogil
 cdef bint eliminate(Fronts f, Front v, Watched watch, Desk *desk) noexcept nogil
 cdef void solve_below(int m, int n, const double *U, const double *D, double *L, int ld) noexcept nogil
 cdef void forward(Fronts f, Py_ssize_t s, Py_ssize_t end, Desk *desk) noexcept nogil
+cdef void subtract_below(const int *rows, Py_ssize_t u, const double *column, double factor, double *x, double *z, Py_ssize_t end) noexcept nogil
 cdef void backward(Fronts f, Py_ssize_t s, Desk *desk) noexcept nogil
 cdef void scale(const double *L, Py_ssize_t ld, const double *D, Py_ssize_t m, Py_ssize_t n, double *out) noexcept nogil
 cdef void subtract(double *out, const double *L, Py_ssize_t ld, const double *w, Py_ssize_t k, Py_ssize_t m) noexcept nogil

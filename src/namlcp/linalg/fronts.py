@@ -434,6 +434,9 @@ def forward(f, s, end, desk):
     """Solve with the columns of L of a supernode, in desk.z for rows from `end` on."""
     v, x = front_at(f, s), f.t.x
     own, P, y = x + v.first, v.panels[0], desk.w
+    if v.k == 1:
+        subtract_below(v.rows, v.u, P + 1, own[0], x, desk.z, end)
+        return
     copy(own, y, v.k)
     fill(y + v.k, 0.0, v.u)
     j: Py_ssize_t = 0
@@ -445,13 +448,18 @@ def forward(f, s, end, desk):
         subtract(y + stop, P + stop + j * v.f, v.f, y + j, stop - j, v.f - stop)
         j = stop
     copy(y, own, v.k)
-    inside = v.u
-    while inside > 0 and v.rows[inside - 1] >= end:
+    subtract_below(v.rows, v.u, y + v.k, -1.0, x, desk.z, end)
+
+
+def subtract_below(rows, u, column, factor, x, z, end):
+    """Subtract a multiple of a column from u rows of x, from `end` on of z."""
+    inside = u
+    while inside > 0 and rows[inside - 1] >= end:
         inside -= 1
     for i in range(inside):
-        x[v.rows[i]] += y[v.k + i]
-    for i in range(inside, v.u):
-        desk.z[v.rows[i]] += y[v.k + i]
+        x[rows[i]] -= column[i] * factor
+    for i in range(inside, u):
+        z[rows[i]] -= column[i] * factor
 
 
 def backward(f, s, desk):
@@ -504,9 +512,14 @@ def subtract(out, L, ld, w, k, m):
             out, m,
         )  # fmt: skip
         p += 4
-    while p < k:
+    if p + 2 <= k:
+        a = L + p * ld
+        b, w_a, w_b = a + ld, w[p], w[p + 1]
+        for i in range(m):
+            out[i] -= a[i] * w_a + b[i] * w_b
+        p += 2
+    if p < k:
         add_scaled(-w[p], L + p * ld, out, m)
-        p += 1
 
 
 def subtract_product(m, n, k, A, B, ldb, beta, C, ldc):
