@@ -96,7 +96,7 @@ def solve_general(
     with np.errstate(all="ignore"):  # paths overflow where they diverge
         search = Search(lcp, limits, before)
         if z0 is not None and not search.over():
-            search.complete(lcp.start(z0), "start")
+            search.complete(search.model.p(lcp.start(z0)), "start")
         for stage in stages(lcp.matrix):
             if search.over():
                 return search.outcome()

@@ -24,9 +24,11 @@ from namlcp.residuals import natural_residual
 class Distances:
     """The LCP of p, and sums over its pairs.
 
-    M (m, m) dense or CSC, c (m,), max |c_i| = 1 or 0. lower, upper (m,): the bounds of
-    p. signed, boxed: the indices of p with the bound 0, and of those with r, too.
-    unfixed (m,): the indices of its unknowns in z. base (n,), scale (m,): diag(D).
+    M (m, m) dense or CSC, c (m,): F = M p + c, and max |c_i| = 1 or 0.
+    lower, upper (m,): the bounds of p, 0 or -inf, and r or inf.
+    signed, boxed: the indices of p with the bound 0, and of those that have r, too.
+    unfixed (m,): the indices of its unknowns in z. base (n,), scale (m,), unit: see
+    above.
     """
 
     def __init__(
@@ -69,8 +71,14 @@ class Distances:
         z[full] = self.top[full]
         return z
 
+    def p(self, z: np.ndarray) -> np.ndarray:
+        """Return the distances that belong to z."""
+        return (z - self.base)[self.unfixed] / (self.unit * self.scale)
+
     def F(self, p: np.ndarray) -> np.ndarray:
-        return self.M @ p + self.c
+        F = self.M @ p
+        F += self.c
+        return F
 
     def residual(self, p: np.ndarray, F: np.ndarray) -> float:
         """Return Res(p) of this LCP; p need not be within its bounds."""

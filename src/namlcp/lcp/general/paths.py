@@ -1,38 +1,32 @@
-"""Interior paths: Mehrotra's, of a linear program, Lemke's homotopy; proximal steps.
+"""Interior paths: Mehrotra's, that of a linear program, and Lemke's homotopy.
 
-*Mehrotra's* (SIAM J. Optim. 2 (1992) 575-601). Each step has one factorisation, of M +
-diag(m/g), for a predictor that aims at the products g_k m_k = 0 and a corrector that
-aims at their centre. (Further correctors save a tenth of the steps, but no time.)
-`mehrotra` follows the path of an LCP with a matrix of any kind from a fixed, infeasible
-start. It solves most friction problems in 10 to 25 steps; where M is not monotone it
-promises nothing, and may jam where `arc` would have to turn. `farkas` follows that of a
-linear program, whose solution may prove that an LCP has none.
+*Mehrotra's.* Each step has one factorisation, of M + diag(m/g), for a predictor that
+aims at the products g_k m_k = 0, a corrector that aims at their centre, and Gondzio's
+correctors for products far from it. `mehrotra` follows the path of an LCP with a matrix
+of any kind from a fixed, infeasible start. It solves most friction problems in 10 to 20
+steps; where M is not monotone it promises nothing, and may jam where `arc` would have
+to turn. `farkas` follows that of a linear program, whose solution may prove that an LCP
+has none.
 
 *Lemke's homotopy as a smooth curve.* The curve of all (p, m, t) with positive gaps g,
 multipliers m and
 
-    M p + c + t d = sum of sign_k m_k,    g_k m_k = t a_k
+    M p + c + t d = sum of sign_k m_k,    g_k m_k = t a_k                      (1)
 
 starts at a point of our choice with t = 1, which defines d and a > 0. For a copositive
 M with d > 0, and c'v >= 0 wherever v >= 0 has v'M v = 0, p stays bounded while t does,
 so that the curve leads to t = 0, a solution, as Lemke's path of pivots does (Cottle,
 Pang, Stone: The Linear Complementarity Problem, 1992, section 4.4). Its t turns where
-the determinant of M + diag(m / g) changes its sign, the orientation of the curve. A
-point off the curve is given up for an earlier one and a shorter step, from a stack.
+the determinant of M + diag(m / g) changes its sign, the orientation of the curve.
 
-*Proximal steps.* For symmetric semidefinite matrices they go on from the end of a path
-where many pairs of p and F are nearly (0, 0), so that pivoting does not find the face.
-A step from c seeks x = clip(s) with F = M x + b, s = c - F / rho; this x minimises the
-convex function
+A step uses relative changes of gaps and multipliers: U along the curve per unit of
+log t, V back to it, both from one factorisation. A point off the curve is given up for
+an earlier one and a shorter step, from a stack.
 
-    phi(x) = 1/2 x'M x + rho/2 (|| s ||^2 - || s - clip(s) ||^2)
-
-(an augmented Lagrangian of the problem that has x for multipliers), whose gradient is
-M (x - clip(s)). Newton's step solves the equations of the unknowns with s inside its
-bounds; with an exact line search (Hermans, Themelis and Patrinos, Math. Program.
-Comput. 14 (2022) 497-541) it converges from every start (Li, Sun and Toh, SIAM J.
-Optim. 28 (2018) 433-458). Along it phi' = -rho (s_1 - s_0)'(x - clip(s)) is piecewise
-linear.
+References
+----------
+Mehrotra, SIAM J. Optim. 2 (1992) 575-601; Gondzio, Comput. Optim. Appl. 6 (1996)
+137-156 (more correctors).
 """
 
 import math
@@ -45,7 +39,7 @@ from scipy import sparse
 from namlcp.lcp.data import LCP
 from namlcp.lcp.general.cones import Condensed, System
 from namlcp.lcp.general.distances import Distances
-from namlcp.lcp.shifted import HELD, Shifted
+from namlcp.lcp.shifted import Shifted
 
 # Added to the unit diagonal, so that a singular matrix can be factored; steps at most.
 SHIFT, STEPS = 1e-11, 100
@@ -53,13 +47,19 @@ SHIFT, STEPS = 1e-11, 100
 STEP_PART = 0.99
 # Range of the mean product aimed at, relative to the present one.
 LEAST_CENTRING, MOST_CENTRING = 1e-4, 0.9
-# So many steps in a row shorter than JAM end the path; so do products below SETTLED,
-# from where on Res falls slowly, by pairs of which both are nearly 0.
-JAM, JAMS, SETTLED = 0.05, 3, 1e-17
+# Gondzio's correctors at most. Each asks for the larger of two steps, the one before
+# times the first number and plus the second, moves products to within the factor OFF
+# of the one aimed at, and is kept if it makes the step LONGER.
+CORRECTORS, ASK, OFF, LONGER = 2, (1.3, 0.1), 10.0, 1.03
+# So many steps in a row shorter than JAM end the path. So does, from step FIRST_STALL
+# on, an error below SETTLED that does not halve in STALL steps; before, it may fall as
+# slowly on the way to a solution, in heaps of 10^4 bodies.
+JAM, JAMS, STALL, FIRST_STALL, SETTLED = 0.05, 3, 8, 15, 1e-9
 # A proof is sought once Res of the path is below CLEAR, and again whenever it has
 # fallen to the part CLEARER, at most down to ENOUGH. If then no v_i, relative to its
-# bound, exceeds FEASIBLE, the linear program counts as feasible.
-CLEAR, CLEARER, ENOUGH, FEASIBLE = 1e-3, 0.01, 1e-10, 1e-6
+# bound, exceeds FEASIBLE, the linear program counts as feasible. It is scaled by
+# EQUILIBRATIONS rounds of dividing rows and columns by roots of their absolute sums.
+CLEAR, CLEARER, ENOUGH, FEASIBLE, EQUILIBRATIONS = 1e-3, 0.01, 1e-10, 1e-6, 3
 # Of `arc`: what is added to the unit diagonal; steps at most; more with friction cones,
 # where the curve leads to a solution, but may wind: with 4000 unknowns it has been seen
 # to turn 100 times, with 2000 to take 2100 steps.
@@ -74,12 +74,6 @@ NEAR, FAR, LOST, SHORTER = 0.05, 0.2, 1.0, 0.3
 KEPT = 3
 # Entry of p, relative to max |c_i| = 1, and t, at which the path ends.
 FAR_AWAY, LARGE_T = 1e10, 1e4
-# Of proximal steps: change of p, relative to the largest p and to max |c_i| = 1, that
-# counts as 0; rho, relative to the unit diagonal, of the first one, its factor to the
-# next, its least value; Newton's steps at most; bisections of [0, 1] for phi' = 0.
-ROUNDING = 1e-13
-RHO, FALL, LEAST_RHO = 1e-5, 0.1, 1e-8
-NEWTON_STEPS, BISECTIONS = 200, 40
 
 
 class PathPoint(NamedTuple):
@@ -97,18 +91,22 @@ def mehrotra(model: Distances, system: System) -> Iterator[np.ndarray]:
     """Yield the points p of the path, one factorisation from one to the next."""
     p, gaps = model.start()
     at = PathPoint(p, gaps, np.ones(gaps.size))  # max |c_i| of the model is 1
-    jams = 0
+    least, jams = [math.inf], 0
     for _ in range(STEPS):
         yield at.p
-        if (at.gaps * at.m).max(initial=0.0) <= SETTLED:
-            return
         excess = model.F(at.p) - model.total(at.m)
+        error = float(np.abs(excess).max(initial=0.0))
+        error = max(error, float((at.gaps * at.m).max(initial=0.0)))
+        least.append(min(error, least[-1]))
+        may_stall = len(least) > FIRST_STALL and least[-1] <= SETTLED
+        if may_stall and least[-1] > 0.5 * least[-1 - STALL]:
+            return
         ratio = at.m / at.gaps
         factors = system.factors(model.total(ratio, 1.0) + SHIFT)
         if factors is None:
             return
-        d = centred(model, at, factors, excess)
-        step = STEP_PART * longest(at, d)
+        d, step = centred(model, at, factors, excess)
+        step *= STEP_PART
         jams = jams + 1 if step < JAM else 0
         if jams == JAMS or not math.isfinite(step):
             return
@@ -118,8 +116,11 @@ def mehrotra(model: Distances, system: System) -> Iterator[np.ndarray]:
 
 def centred(
     model: Distances, at: PathPoint, factors: Any, excess: np.ndarray
-) -> PathPoint:
-    """Return the direction of predictor and corrector, which removes the excess."""
+) -> tuple[PathPoint, float]:
+    """Return the direction of predictor and correctors, and the longest step along it.
+
+    It removes the excess.
+    """
 
     def towards(change: np.ndarray) -> PathPoint:
         """Return the direction for changes of the products."""
@@ -134,7 +135,22 @@ def centred(
     left = float(after.gaps @ after.m) / max(at.m.size, 1)
     sigma = (left / mu) ** 3 if mu > 0.0 else 0.0
     aim = min(max(sigma, LEAST_CENTRING), MOST_CENTRING) * mu
-    return towards(aim - np.clip(d.gaps * d.m, -mu, mu) - products)
+    change = aim - np.clip(d.gaps * d.m, -mu, mu) - products
+    d = towards(change)
+    step = longest(at, d)
+    for _ in range(CORRECTORS):
+        if not 0.0 < step < 1.0:
+            break
+        asked = min(1.0, max(ASK[0] * step, step + ASK[1]))
+        products = (at.gaps + asked * d.gaps) * (at.m + asked * d.m)
+        off = np.clip(products, aim / OFF, OFF * aim) - products
+        change += np.maximum(off, -OFF * aim)
+        other = towards(change)
+        longer = longest(at, other)
+        if not longer >= LONGER * step:
+            break
+        d, step = other, longer
+    return d, step
 
 
 def longest(at: PathPoint, d: PathPoint) -> float:
@@ -166,11 +182,14 @@ def farkas(lcp: LCP) -> Iterator[np.ndarray]:
     B = sparse.csr_array(lcp.A)[rows]
     matrix = sparse.block_array([[None, -B.T], [B, None]], format="csc")
     q = np.concatenate((np.zeros(n), lcp.q[rows]))
-    root = np.append(lcp.matrix.root, lcp.matrix.root[rows])
-    weights = (np.abs(q / root).max(initial=0.0) or 1.0) / root[n:]
+    d, size = np.ones(q.size), abs(matrix)
+    for _ in range(EQUILIBRATIONS):
+        total = np.maximum(size @ d, size.T @ d) * d
+        d /= np.sqrt(np.where(total > 0.0, total, 1.0))
+    weights = d[n:] * (np.abs(d * q).max(initial=0.0) or 1.0)
     lower = np.append(lcp.lower, np.where(low[rows], 0.0, -weights))
     upper = np.append(lcp.upper, np.where(high[rows], 0.0, weights))
-    model = Distances(matrix, q, lower, upper, root)
+    model = Distances(matrix, q, lower, upper, 1.0 / d)
     system = Shifted(model.M, np.where(model.unfixed < n, 1.0, -1.0))
     aim = CLEAR
     for p in mehrotra(model, system):
@@ -291,52 +310,3 @@ def arc(model: Distances, system: System) -> Iterator[np.ndarray]:
         h = stack[-1].h
         at, t = stack[-1].move()
     yield at.p
-
-
-# ---- proximal steps
-
-
-def proximal_steps(
-    model: Distances, system: System, p: np.ndarray
-) -> Iterator[np.ndarray]:
-    """Yield the points of Newton's steps from p, one factorisation each."""
-    lower, upper = model.lower, model.upper
-    centre, x, rho = p, p, RHO
-    s = centre - model.F(x) / rho
-    for _ in range(NEWTON_STEPS):
-        free = (lower < s) & (s < upper)
-        start = np.where(free, centre, np.clip(s, lower, upper))
-        factors = system.factors(np.where(free, rho, HELD))
-        if factors is None:
-            return
-        dx = start + factors.solve(np.where(free, -model.F(start), 0.0)) - x
-        end = np.where(free, x + dx, start)
-        F = model.F(end)
-        ds = np.where(free, end, centre - F / rho) - s
-        step = least_phi(model, x, end - x, s, ds)
-        x, s = x + step * (end - x), s + step * ds
-        yield np.clip(x, lower, upper)
-        zero = ROUNDING * max(1.0, float(np.abs(x).max(initial=0.0)))
-        slack = np.where(free, zero, -ROUNDING / rho)
-        inside = (lower - slack < s) & (s < upper + slack)
-        if step == 1.0 and (inside == free).all():
-            centre, rho = x, max(FALL * rho, LEAST_RHO)
-            s = centre - F / rho
-
-
-def least_phi(
-    model: Distances, x: np.ndarray, dx: np.ndarray, s: np.ndarray, ds: np.ndarray
-) -> float:
-    """Return the step up to 1 at which phi is least."""
-
-    def rises(step: float) -> bool:
-        at = s + step * ds
-        return bool(ds @ (x + step * dx - np.clip(at, model.lower, model.upper)) < 0.0)
-
-    below, above = 0.0, 1.0
-    if not rises(1.0):
-        return 1.0
-    for _ in range(BISECTIONS):
-        step = 0.5 * (below + above)
-        below, above = (below, step) if rises(step) else (step, above)
-    return above

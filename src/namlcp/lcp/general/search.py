@@ -12,10 +12,10 @@ import numpy as np
 from scipy import sparse
 
 from namlcp.lcp.data import LCP, Criterion, is_solved_by_zero
-from namlcp.lcp.general.cones import system_of
+from namlcp.lcp.general.cones import System, system_of
 from namlcp.lcp.general.distances import Distances, Plain
-from namlcp.lcp.general.paths import arc, farkas, mehrotra, proximal_steps
-from namlcp.lcp.pivoting.driver import Attempt
+from namlcp.lcp.general.exact import finish, proximal_steps
+from namlcp.lcp.general.paths import arc, farkas, mehrotra
 from namlcp.lcp.pivoting.rays import proof
 from namlcp.lcp.shifted import Shifted
 from namlcp.limits import Limits
@@ -26,8 +26,8 @@ from namlcp.status import Outcome, Status
 # to the part AGAIN of that there; that of a point which is exact, whatever the
 # tolerances say. A path that has solved the problem, not exactly, has LEFT steps more.
 TARGET, CLOSE, AGAIN, EXACT, LEFT = 1e-9, 1e-4, 0.01, 1e-12, 30
-# Factorisations at most: of a search for the exact solution; of all, by default.
-PIVOTS, FACTORISATIONS = 6, 5000
+# Factorisations at most, by default: beyond those of earlier methods.
+FACTORISATIONS = 5000
 
 
 class Search(Criterion):
@@ -57,6 +57,13 @@ class Search(Criterion):
         except np.linalg.LinAlgError:
             return None
 
+    @cached_property
+    def system(self) -> System:
+        M = self.model.M
+        if self.lcp.matrix.symmetric and sparse.issparse(M):
+            return Shifted(M, np.ones(M.shape[0]))
+        return system_of(M)
+
     def over(self) -> bool:
         """Tell whether to stop: nothing is left to do, or a limit is reached."""
         return self.ended or self.count >= self.most or self.limits.deadline.reached()
@@ -76,17 +83,7 @@ class Search(Criterion):
             self.limits.report(self.count, residual, self.lcp.active(self.z))
 
     def by_path(self) -> None:
-        M, symmetric = self.model.M, self.lcp.matrix.symmetric
-        signs = np.ones(M.shape[0]) if symmetric and sparse.issparse(M) else None
-        system = Shifted(M, signs) if symmetric else system_of(M)
-        best = self.follow(mehrotra(self.model, system), "path")
-        if symmetric and not self.over():
-            for p in proximal_steps(self.model, system, best):
-                self.offer(self.clipped(p), "path")
-                self.counts()
-                self.ended = self.solved
-                if self.over():
-                    break
+        self.follow(mehrotra(self.model, self.system), "path")
 
     def by_arc(self) -> None:
         self.follow(arc(self.model, system_of(self.model.M)), "arc")
@@ -100,8 +97,8 @@ class Search(Criterion):
                 return found
         return None
 
-    def follow(self, points: Iterator[np.ndarray], method: str) -> np.ndarray:
-        """Follow a path to its end; return its best point, which is offered.
+    def follow(self, points: Iterator[np.ndarray], method: str) -> None:
+        """Follow a path to its end, and offer its best point.
 
         The exact solution is sought on the way as well: the end of a path may wind, or
         be lost in rounding, where the face has long been found.
@@ -117,43 +114,48 @@ class Search(Criterion):
                 break
             if found <= aim:
                 aim = AGAIN * found
-                self.ended = self.pivot(self.clipped(p), method)
+                self.seek(finish(model, self.system, p), method)
                 if self.over():
                     break
             self.counts()
         self.offer(self.clipped(best), method)
         if least <= CLOSE and not self.over():
-            self.complete(self.clipped(best), method)
-        return best
+            self.complete(best, method)
+        if self.lcp.matrix.symmetric and not self.over():
+            self.seek(proximal_steps(model, self.system, best), method, True)
 
-    def complete(self, z: np.ndarray, method: str) -> None:
-        """Seek the exact solution near z; a solution then ends the search."""
-        self.ended = self.pivot(z, method) or self.solved
+    def complete(self, p: np.ndarray, method: str) -> None:
+        """Seek the exact solution near p; a solution then ends the search."""
+        self.seek(finish(self.model, self.system, p), method)
+        self.ended |= self.solved
 
-    def pivot(self, z: np.ndarray, method: str) -> bool:
-        """Offer the point that pivoting finds from z; tell whether it is exact."""
-        limits = self.limits._replace(eps_abs=0.0, eps_rel=EXACT)
-        attempt = Attempt(self.lcp, z, limits, ask_convex=False)
-        attempt.factorisations, attempt.is_near = self.count, True
-        attempt.most = min(self.most, self.count + PIVOTS)
-        attempt.run()
-        self.count = attempt.factorisations
-        self.offer(attempt.best(), method)
-        return attempt.solved and self.solved
+    def seek(
+        self, points: Iterator[np.ndarray], method: str, any_solution: bool = False
+    ) -> None:
+        """Seek an exact solution among points, or any one; only that ends the search.
+
+        The points come at one factorisation each.
+        """
+        for x in points:
+            self.offer(self.clipped(x), method)
+            self.counts()
+            exact = self.model.residual(x, self.model.F(x)) <= EXACT
+            self.ended = exact or (any_solution and self.solved)
+            if self.over():
+                break
 
     def decided(self, outcome: Outcome | None) -> Outcome | None:
         """Return the outcome of another method if it ends the search, else keep z.
 
-        Near a solution that is not exact one is sought.
+        A solution that is not exact is the start of a search for one.
         """
         if outcome is None or outcome.status is Status.UNSOLVABLE:
             return outcome
         self.offer(outcome.point.z, outcome.method)
         if outcome.status is not Status.SOLVED:
             return None
-        exact = self.least <= EXACT * self.size
-        if not (exact or self.pivot(outcome.point.z, outcome.method)):
-            self.by_path()
+        if self.least > EXACT * self.size:
+            self.complete(self.model.p(outcome.point.z), outcome.method)
         return self.lcp.outcome(
             outcome.status, self.z, self.w, outcome.iterations, self.method
         )

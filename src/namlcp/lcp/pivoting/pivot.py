@@ -159,7 +159,7 @@ def begin_pivoting(m):
         m.side[i] = state_of(z[i] - w[i], lower[i], upper[i])
         m.centre[i] = z[i]
     m.must_factor = True
-    reset_patience(m, RHO if m.symmetric or m.is_near else 0.0)
+    reset_patience(m, RHO if m.symmetric else 0.0)
     return GO_ON
 
 

@@ -73,8 +73,7 @@ cdef class Pivoting(Watched):
         Py_ssize_t fewest_wrong, patience
         # Given: `solve_free_system` is to be called; find out `convex`. Found: the
         # tolerance is met; A is semidefinite.
-        # The start is near a solution, whose face may be singular.
-        public bint is_external, ask_convex, convex, is_near
+        public bint is_external, ask_convex, convex
         readonly bint solved
         # States or rho have changed; there is no memory for a factor.
         bint must_factor, is_short
