@@ -158,12 +158,13 @@ def route(qp, guess, limits, memory=None, given=None, doubt=None):
 
 def solve_transformed(qp, guess, judge, memory):
     """Solve with free columns substituted; if that is undecided, without."""
-    memory, substitution = memory or Memory(), None
+    memory, substitution, last = memory or Memory(), None, solve_by_engines
     if not qp.is_dense and qp.h.size + qp.b.size > 0:
         if entries_of(qp) <= TINY_ENTRIES and takes_dense(qp):  # first as it came
             found = solve_dense(qp, NO_TRANSFORMS, guess, judge)
             if found is not None and found.status in ENDS:
                 return found
+            last = solve_interior  # not in dense form again
         substitution = substitute(qp, memory.substitution, judge.limits.deadline)
     memory.substitution = substitution
     if substitution is not None:
@@ -173,7 +174,7 @@ def solve_transformed(qp, guess, judge, memory):
         if answer.status not in UNDECIDED:
             return answer
         guess, memory = make_guess(qp, None, answer.point), Memory()
-    return solve_by_engines(qp, NO_TRANSFORMS, guess, judge, memory)
+    return last(qp, NO_TRANSFORMS, guess, judge, memory)
 
 
 def solve_by_engines(qp, chain, guess, judge, memory):
