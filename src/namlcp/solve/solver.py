@@ -280,8 +280,9 @@ class Solver(metaclass=Public):
                 elif not derivative:
                     self.left, self.last = 0, result
                     return result
-                if derivative and result is not None and self.qp.is_dense:
-                    result.factors = active.factors_of(m)
+                if result is not None and result.status is SOLVED and derivative:
+                    if self.qp.is_dense:
+                        result.factors = active.factors_of(m)
             if result is None:
                 result = self.solve_in_general(guess, start)
         except BaseException:
