@@ -24,17 +24,16 @@ import numpy as np
 from cython import Py_ssize_t
 from cython.cimports.libc.math import INFINITY, fabs, floor
 from cython.cimports.libc.string import memcpy
-from cython.cimports.namlcp.linalg.arrays import numbers
+from cython.cimports.namlcp.linalg.arrays import indices as longs
+from cython.cimports.namlcp.linalg.arrays import numbers, places
 from cython.cimports.namlcp.linalg.csc import Columns, take_columns
 from scipy.sparse import csc_array, csr_array
 
-from namlcp.checks import from_arrays, no_rows
+from namlcp.checks import from_arrays
 from namlcp.entries import constant
 from namlcp.limits import NEVER, PASS
 from namlcp.linalg.csc import (
     add_transposed,
-    arrays_of,
-    by_rows,
     submatrix,
     times,
     with_squares,
@@ -57,14 +56,13 @@ PIVOT = 1e-3
 
 
 class Groups(NamedTuple):
-    """Row i of a matrix is ratio[i] times the first row of its group, first[number[i]].
+    """Row i of a matrix is ratio[i] times the leader number[i] of its group.
 
     number[i] is UNWANTED or EMPTY for a row that was not wanted or is empty.
     """
 
     number: np.ndarray
     ratio: np.ndarray
-    first: np.ndarray
 
 
 class Presolved(NamedTuple):
@@ -153,12 +151,12 @@ def presolve(qp, eps_abs, eps_rel, last=None):
         A_groups, G_groups = last.A_groups, last.G_groups
     else:
         P = submatrix(qp.P, kept, kept)
-        A, A_groups = leading_rows(qp.A, kept, constant(b.size, True, np.bool_))
-        G, G_groups = leading_rows(qp.G, kept, h < np.inf)
+        A, A_groups = leading_rows(qp.A, kept, b)
+        G, G_groups = leading_rows(qp.G, kept, h)
     tol = eps_abs if eps_abs > 0.0 else eps_rel
-    ends, b_of, wrong = merged("A", A_groups, b, tol)
+    ends, b_of, wrong = merged("A", A.shape[0], A_groups, b, tol)
     found = [(text, y, np.zeros(h.size)) for text, y in wrong]
-    sides, side_of, wrong = merged("G", G_groups, h, tol)
+    sides, side_of, wrong = merged("G", G.shape[0], G_groups, h, tol)
     found += [(text, np.zeros(b.size), z) for text, z in wrong]
     b = 0.5 * (ends[0] - ends[1])
     return Presolved(
@@ -183,12 +181,12 @@ def hand_on(z, rows, ratio, full):
                 full[i] = z[half, k] / fabs(ratio[i])
 
 
-def merged(name, groups, values, tol):
-    """Return the sides of each group of rows, the rows that give them, contradictions.
+def merged(name, count, groups, values, tol):
+    """Return the sides of the groups of rows, the rows that give them, contradictions.
 
     These are messages and multipliers.
     """
-    equal, (number, ratio, first) = name == "A", groups
+    equal, (number, ratio) = name == "A", groups
     found = []
     i = wrong_empty_row(number, values, equal, tol)
     if i >= 0:
@@ -196,7 +194,7 @@ def merged(name, groups, values, tol):
         proof[i] = -np.sign(values[i])
         text = f"row {i} of {name} has no free variable, but the right-hand side"
         found.append((f"{text} {values[i]:g}", proof))
-    sides, givers = np.empty((2, first.size)), np.empty((2, first.size), np.intp)
+    sides, givers = np.empty((2, count)), np.empty((2, count), np.intp)
     k = merge_rows(number, ratio, values, equal, tol, sides, givers)
     if k >= 0:
         i, j = givers[:, k]
@@ -209,42 +207,80 @@ def merged(name, groups, values, tol):
 # ---- rows that are multiples of each other
 
 
-def leading_rows(M, columns, wanted):
-    """Return the leaders of the wanted rows of M[:, columns] in CSR, and the groups."""
-    number = constant(wanted.size, UNWANTED, np.int32)
-    ratio = constant(wanted.size, 1.0)
-    rows = wanted.nonzero()[0]
-    if not rows.size:
-        return by_rows(no_rows(columns.size)), Groups(number, ratio, rows)
-    C = by_rows(submatrix(without_zeros(M), rows, columns))
-    key, own, first = np.empty((3, rows.size), np.int32)
-    table = constant(1 << (2 * rows.size + 1).bit_length(), -1, np.int32)
-    factor = np.empty(rows.size)
-    count = group_rows(*arrays_of(C), key, table, own, factor, first)
-    number[rows], ratio[rows] = own, factor
-    indptr, entries = C.indptr[: count + 1], C.indptr[count]
-    parts = indptr, C.indices[:entries], C.data[:entries]
-    kept = from_arrays(parts, (count, columns.size), csr_array)
-    return kept, Groups(number, ratio, rows[first[:count]])
+def leading_rows(M, columns, sides):
+    """Return the leaders of the rows of M[:, columns] in CSR, and the groups.
+
+    Rows whose side is inf are left out.
+    """
+    C: Columns
+    m: Py_ssize_t = sides.size
+    n: Py_ssize_t = columns.size
+    take_columns(M, M.shape[1], cython.address(C))
+    number, ratio = constant(m, EMPTY, np.int32), constant(m, 1.0)
+    size, most = 1 << (2 * m + 1).bit_length(), M.data.size
+    key, table = np.empty(m, np.int32), constant(size, -1, np.int32)
+    starts, others = np.zeros(m + 1, np.int32), np.empty(most, np.int32)
+    values = np.empty(most)
+    indptr, indices, data = (
+        places(starts, m + 1),
+        places(others, most),
+        numbers(values, most),
+    )
+    group, factor = places(number, m), numbers(ratio, m)
+    columns_at, sides_at = longs(columns, n), numbers(sides, m)
+    take_rows(
+        cython.address(C), columns_at, n, sides_at, m, group, indptr, indices, data
+    )
+    count = group_rows(
+        m,
+        indptr,
+        indices,
+        data,
+        places(key, m),
+        places(table, size),
+        size - 1,
+        group,
+        factor,
+    )
+    end = starts[count]
+    parts = starts[: count + 1], others[:end], values[:end]
+    return from_arrays(parts, (count, n), csr_array), Groups(number, ratio)
 
 
-def group_rows(indptr, indices, data, key, table, number, ratio, first):
+def take_rows(C, columns, n, side, m, number, indptr, indices, data):
+    """Write the nonzero entries of the columns, by rows, but of rows without a side."""
+    for i in range(m):
+        number[i] = EMPTY if side[i] < INFINITY else UNWANTED
+    for k in range(n):
+        for t in range(C.indptr[columns[k]], C.indptr[columns[k] + 1]):
+            i = C.indices[t]
+            if number[i] == EMPTY and C.data[t] != 0.0:
+                indptr[i] += 1
+    for i in range(m):  # indptr[i] is the end of row i, then its beginning
+        indptr[i + 1] += indptr[i]
+    for k in range(n - 1, -1, -1):
+        for t in range(C.indptr[columns[k]], C.indptr[columns[k] + 1]):
+            i = C.indices[t]
+            if number[i] == EMPTY and C.data[t] != 0.0:
+                indptr[i] -= 1
+                indices[indptr[i]], data[indptr[i]] = k, C.data[t]
+
+
+def group_rows(m, indptr, indices, data, key, table, mask, number, ratio):
     """Group the rows of a CSR matrix that are proportional; return how many groups.
 
-    number, ratio and first are overwritten as in `Groups`, the matrix by its leaders,
-    `key` by the bits of their keys in single precision, so that rounding errors seldom
-    change them; `table`, -1 on entry, is a hash table with open addressing. The key of
-    a row is sum |a_ij| w_ij / |first a_ij| with the weights of GOLDEN, plus 1 where the
-    signs of a_ij and of the first entry differ.
+    number and ratio are set as in `Groups`, for rows that are not empty; the matrix is
+    overwritten by its leaders, `key` by the bits of their keys in single precision, so
+    that rounding errors seldom change them; `table`, -1 on entry, is a hash table with
+    open addressing. The key of a row is sum |a_ij| w_ij / |first a_ij| with the weights
+    of GOLDEN, plus 1 where the signs of a_ij and of the first entry differ.
     """
-    mask: cython.longlong = table.shape[0] - 1
     kept: cython.int = 0
     group: cython.int = 0
     bits: cython.int = 0
     begin = indptr[0]
-    for i in range(key.shape[0]):
+    for i in range(m):
         end = indptr[i + 1]
-        ratio[i], number[i] = 1.0, EMPTY
         if begin == end:
             continue
         total = 0.0
@@ -267,8 +303,7 @@ def group_rows(indptr, indices, data, key, table, number, ratio, first):
         if factor != 0.0:
             number[i], ratio[i] = group, factor
         else:
-            table[s], number[i] = kept, kept
-            key[kept], first[kept] = bits, i
+            table[s], number[i], key[kept] = kept, kept, bits
             start = indptr[kept]
             for t in range(end - begin):
                 indices[start + t] = indices[begin + t]
