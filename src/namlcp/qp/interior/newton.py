@@ -112,9 +112,11 @@ def evaluate(m):
         nan_test += m.rd[j]
         dual_share += m.x[j] * m.rd[j]
         dual_norm = max(dual_norm, fabs(m.rd[j]))
-        dual = max(dual, fabs(m.rd[j]) / unit[j])
+        if fabs(m.rd[j]) > dual * unit[j]:
+            dual = fabs(m.rd[j]) / unit[j]
         term = max(fabs(m.Px[j]), fabs(m.q[j]), fabs(m.Ctv[j]), fabs(m.v[j]))
-        dual_size = max(dual_size, term / unit[j])
+        if term > dual_size * unit[j]:
+            dual_size = term / unit[j]
         primal_size = max(primal_size, fabs(m.x[j]) * unit[j])
     for i in range(m.p):
         m.rp[i] = t[n + i] - m.b[i]
@@ -181,6 +183,7 @@ def find_step(m):
         rhs[j] = 0.0
     for k in range(m.m):
         m.tau[k] = -m.rw[k] - m.rc[k] / m.Z[k]
+    for k in range(m.m):
         rhs[m.place[k]] += m.sign[k] * m.omega[k] * m.tau[k]
     for j in range(rows, m.size):
         rhs[j] /= m.weight[j]
@@ -213,10 +216,9 @@ def weighted_norm(r, weight, size):
     """Return max |r_i| / weight_i, NaN if an entry is NaN."""
     worst = 0.0
     for i in range(size):
-        value = fabs(r[i]) / weight[i]
-        if not value <= worst:
-            worst = value
-            if value != value:
+        if not fabs(r[i]) <= worst * weight[i]:  # few divisions are needed
+            worst = fabs(r[i]) / weight[i]
+            if worst != worst:
                 break
     return worst
 
@@ -328,9 +330,11 @@ def set_step(m):
     primal, dual = 1.0, 1.0
     ww = wz = zw = zz = 0.0
     for k in range(m.m):
-        i = m.place[k]
-        dZ[k] = m.omega[k] * (m.sign[k] * dt[i] - m.tau[k])
+        dZ[k] = m.omega[k] * (m.sign[k] * dt[m.place[k]] - m.tau[k])
+    for k in range(m.m):  # a loop of its own, for divisions two at a time
         dW[k] = (m.rc[k] - W[k] * dZ[k]) / Z[k]
+    for k in range(m.m):
+        i = m.place[k]
         if weight[i] > 1.0:
             left = m.r[i] / weight[i] if i < m.n else m.r[i]
             most = MOST_LEFT * Z[k]
