@@ -27,6 +27,7 @@ cdef class Condensed(Factors):
     cdef void solve_into(self, double* rhs, double* x) noexcept nogil
 
 cpdef int upper_triangle(object P, object A, object G, int[::1] indptr, int[::1] indices, double[::1] data) except -1
+cdef int share_multipliers(object problem, object Z, object z, object z_box) except -1
 cdef tuple find_finite(const double[::1] side, Py_ssize_t n, Py_ssize_t p)
 cpdef int equilibrate(object indptr, object indices, object data, object scale) except -1
 cdef void equilibrate_parts(

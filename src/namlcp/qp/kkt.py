@@ -24,6 +24,7 @@ import numpy as np
 from cython import Py_ssize_t
 from cython.cimports.libc.math import INFINITY, exp, fabs, log, sqrt
 from cython.cimports.namlcp.limits import is_over
+from cython.cimports.namlcp.linalg.arrays import indices as longs
 from cython.cimports.namlcp.linalg.arrays import numbers, places
 from cython.cimports.namlcp.linalg.blas import (
     add_squares,
@@ -227,12 +228,10 @@ class ScaledQP:
         self.c = side[self.finite] / self.unit[self.place]
 
     def point(self, x, y, Z, data=1.0):
-        n, rows = self.n, self.small.sides.size
-        z = np.zeros(rows + 2 * n)
-        z[self.finite] = Z / self.unit[self.place]
-        z_box = z[rows : rows + n] - z[rows + n :]
-        x, y = x * self.unit[:n], y / self.unit[n : n + self.p]
-        return x, y, z[:rows].reshape(2, -1), z_box
+        n, z = self.n, np.zeros(self.small.sides.shape)
+        z_box = np.zeros(n)
+        share_multipliers(self, Z, z, z_box)
+        return x * self.unit[:n], y / self.unit[n : n + self.p], z, z_box
 
     def guess(self, guess):
         """Return the scaled (x, y, Z) of a guess and which constraints are active."""
@@ -250,6 +249,26 @@ class ScaledQP:
         row = self.place >= self.n + self.p
         self.b = t[self.n : self.n + self.p].copy()
         self.c = np.where(row, np.maximum(self.c, self.sign * t[self.place]), self.c)
+
+
+def share_multipliers(problem, Z, z, z_box):
+    """Set the multipliers of sides and bounds, zero before, from those of the finite."""
+    m: Py_ssize_t = Z.size
+    n: Py_ssize_t = z_box.size
+    rows: Py_ssize_t = z.size
+    finite, place = longs(problem.finite, m), places(problem.place, m)
+    unit, values = numbers(problem.unit, problem.unit.size), numbers(Z, m)
+    sides, bounds = numbers(z, rows), numbers(z_box, n)
+    for k in range(m):
+        value = values[k] / unit[place[k]]
+        i = finite[k] - rows
+        if i < 0:
+            sides[i + rows] = value
+        elif i < n:
+            bounds[i] += value
+        else:
+            bounds[i - n] -= value
+    return 0
 
 
 def find_finite(side, n, p):

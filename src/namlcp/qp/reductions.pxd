@@ -13,7 +13,7 @@ cdef enum:
 cdef double FIXED, SAME, GOLDEN, PIVOT
 
 cdef int find_fixed(const double[::1] lb, const double[::1] ub, unsigned char[::1] stays) except -1
-cdef int hand_on(const double[:, ::1] z, const Py_ssize_t[:, ::1] rows, const double[::1] ratio, double[::1] full) except -1
+cdef int hand_on(object z, object rows, object ratio, bint equal, object full) except -1
 cdef void take_rows(const Columns* C, const Py_ssize_t* columns, Py_ssize_t n, const double* side, Py_ssize_t m, int* number, int* indptr, int* indices, double* data) noexcept
 cdef int group_rows(Py_ssize_t m, int* indptr, int* indices, double* data, int* key, int* table, long long mask, int* number, double* ratio) noexcept
 cdef double multiple(const int* indices, const double* data, Py_ssize_t a, Py_ssize_t a_end, Py_ssize_t c, Py_ssize_t c_end) noexcept

@@ -113,8 +113,8 @@ class Presolved(NamedTuple):
         z: of `sides`, (2, m).
         """
         qp, (full, y_full, z_full, _) = self.qp, self.qp.point()
-        np.add.at(y_full, self.b_of, 0.5 * y / self.A_groups.ratio[self.b_of])
-        hand_on(z, self.side_of, self.G_groups.ratio, z_full)
+        hand_on(y, self.b_of, self.A_groups.ratio, True, y_full)
+        hand_on(z, self.side_of, self.G_groups.ratio, False, z_full)
         if not self.fixed.size:
             return Point(x, y_full, z_full, z_box)
         full[self.kept], full[self.fixed] = x, data * self.x_fixed
@@ -172,13 +172,21 @@ def find_fixed(lb, ub, stays):
             stays[j] = not ub[j] - lb[j] <= FIXED * max(1.0, fabs(lb[j]))
 
 
-def hand_on(z, rows, ratio, full):
-    """Set the multipliers of the rows that give sides, from those of the sides."""
-    for half in range(2):
-        for k in range(rows.shape[1]):
-            i = rows[half, k]
-            if i >= 0:
-                full[i] = z[half, k] / fabs(ratio[i])
+def hand_on(z, rows, ratio, equal, full):
+    """Add the multipliers of ranges or equations to the rows that give these.
+
+    z: those of both sides, or one for each equation, of which both rows have half.
+    """
+    count: Py_ssize_t = rows.shape[1]
+    values, own = numbers(z, z.size), longs(rows, 2 * count)
+    to, ratios = numbers(full, full.size), numbers(ratio, ratio.size)
+    for k in range(2 * count):
+        i = own[k]
+        if equal:
+            to[i] += 0.5 * values[k if k < count else k - count] / ratios[i]
+        elif i >= 0:
+            to[i] = values[k] / fabs(ratios[i])
+    return 0
 
 
 def merged(name, count, groups, values, tol):
