@@ -219,13 +219,11 @@ class ScaledQP:
             if not small.P.data.any():
                 even_out(*matrix, self.scale)
             equilibrate(*matrix, self.scale)
-        side = np.concatenate((small.sides.ravel(), small.ub, -small.lb))
-        self.finite, self.place, self.sign = find_finite(side, n, p)
         self.kkt.data[:] = self.kkt.base
         self.unit = self.scale.copy()
         self.unit[n:] = 1.0 / self.scale[n:]
         self.q, self.b = small.q * self.scale[:n], small.b * self.scale[n : n + p]
-        self.c = side[self.finite] / self.unit[self.place]
+        self.finite, self.place, self.sign, self.c = find_finite(small, self.unit)
 
     def point(self, x, y, Z, data=1.0):
         n, z = self.n, np.zeros(self.small.sides.shape)
@@ -271,26 +269,35 @@ def share_multipliers(problem, Z, z, z_box):
     return 0
 
 
-def find_finite(side, n, p):
-    """Return the numbers of the finite ones of all sides, their places and signs."""
-    size = side.shape[0]
-    width, finite = size // 2 - n, np.empty(size, np.intp)
-    where, signs = np.empty(size, np.int32), np.empty(size)
-    number: Py_ssize_t[::1] = finite
-    place: cython.int[::1] = where
-    sign: cython.double[::1] = signs
+def find_finite(small, unit):
+    """Return the numbers of the finite sides, their places, signs and scaled values."""
+    n: Py_ssize_t = small.q.size
+    p: Py_ssize_t = small.b.size
+    rows: Py_ssize_t = small.sides.size // 2
+    size = 2 * (rows + n)
+    sides, ub, lb = numbers(small.sides, 2 * rows), numbers(small.ub, n), numbers(small.lb, n)
+    units = numbers(unit, n + p + rows)
+    found, where, parts = np.empty(size, np.intp), np.empty(size, np.int32), np.empty((2, size))
+    number, place, sign = longs(found, size), places(where, size), numbers(parts, 2 * size)
+    side = sign + size
     count: Py_ssize_t = 0
     for i in range(size):
-        if not fabs(side[i]) < INFINITY:
+        half = i < rows or 2 * rows <= i < 2 * rows + n
+        j = i - 2 * rows
+        if j < 0:
+            value = sides[i]
+            j = n + p + (i if i < rows else i - rows)
+        elif j < n:
+            value = ub[j]
+        else:
+            j -= n
+            value = -lb[j]
+        if not fabs(value) < INFINITY:
             continue
-        j, first, length = i, n + p, width
-        if i >= 2 * width:  # a bound
-            j, first, length = i - 2 * width, 0, n
-        number[count] = i
-        place[count] = first + (j if j < length else j - length)
-        sign[count] = 1.0 if j < length else -1.0
+        number[count], place[count], sign[count] = i, j, 1.0 if half else -1.0
+        side[count] = value / units[j]
         count += 1
-    return finite[:count], where[:count], signs[:count]
+    return found[:count], where[:count], parts[0, :count], parts[1, :count]
 
 
 def equilibrate(indptr, indices, data, scale):
@@ -328,10 +335,10 @@ def equilibrate_parts(P, A, G, n, p, m, units, largest):
         note_entries(G, units + n + p, units, largest + n + p, largest)
         off = 0.0
         for k in range(size):
-            factor = 1.0
             if largest[k] > 0.0:
                 off = max(off, fabs(1.0 - largest[k]))
-                factor = 1.0 / sqrt(largest[k])
+        for k in range(size):  # a loop of its own, for two roots at a time
+            factor = 1.0 / sqrt(largest[k]) if largest[k] > 0.0 else 1.0
             largest[k] = min(max(factor * units[k], LEAST_FACTOR), MOST_FACTOR)
         if off <= EQUAL:
             break
