@@ -30,7 +30,7 @@ from cython.cimports.libc.math import sqrt
 from cython.cimports.libc.stdlib import free, malloc, realloc
 from cython.cimports.namlcp.limits import Watched, is_over, raise_kept
 from cython.cimports.namlcp.linalg.arrays import indices as longs
-from cython.cimports.namlcp.linalg.arrays import places
+from cython.cimports.namlcp.linalg.arrays import places, signs
 from scipy.sparse import csc_matrix, triu
 
 from namlcp.checks import constant, refuse_size, transposed
@@ -440,22 +440,25 @@ def nested_dissection(indptr, indices):
 def postordered(indptr, indices, place):
     columns, rows, _ = permuted(indptr, indices, place, True)
     parent, counts = elimination_tree(columns, rows)
-    return renumbered(place, parent, counts, np.zeros(place.size, np.uint8))
+    return renumbered(place, parent, counts, np.zeros(place.size, np.int8))
 
 
 def renumbered(place, parent, counts, comes_last):
     """Return an order with the columns postordered; comes_last: after its siblings."""
-    found = np.empty((3, place.shape[0]), np.int32)
-    new: cython.int[:, ::1] = found
-    to = postorder(parent, comes_last)
+    size: Py_ssize_t = place.size
+    found, room = np.empty((3, size), np.int32), np.empty(4 * size + 2, np.int32)
+    new, to = places(found, 3 * size), places(room, 4 * size + 2)
+    old, above, below = places(place, size), places(parent, size), places(counts, size)
+    postorder(size, above, signs(comes_last, size), to, to + size)
     entries: Py_ssize_t = 0
     work: cython.double = 0.0
-    for j in range(place.shape[0]):
-        new[0, j] = to[place[j]]
-        new[1, to[j]] = to[parent[j]] if parent[j] >= 0 else -1
-        new[2, to[j]] = counts[j]
-        entries += counts[j]
-        work += cython.cast(cython.double, counts[j]) * counts[j]
+    for j in range(size):
+        k = to[j]
+        new[j] = to[old[j]]
+        new[size + k] = to[above[j]] if above[j] >= 0 else -1
+        new[2 * size + k] = below[j]
+        entries += below[j]
+        work += cython.cast(cython.double, below[j]) * below[j]
     return Order(*found, entries, work)
 
 
@@ -482,7 +485,7 @@ def chained(order):
     parents: cython.int[::1] = parent
     for t in range(child.shape[0]):
         head[parents[child[t]]] = head[child[t]]
-    above, comes_last = parent.copy(), np.zeros(parent.size, np.uint8)
+    above, comes_last = parent.copy(), np.zeros(parent.size, np.int8)
     above[before[same]] = heads[after[same]]
     comes_last[before[same]] = True
     return renumbered(place, above, counts, comes_last)
@@ -494,26 +497,28 @@ def permuted(indptr, indices, place, is_strict):
     is_strict: without the diagonal. place[i] is the new place of row i. The entries of
     a column are in their original order.
     """
-    n, least = place.shape[0], 1 if is_strict else 0
+    n: Py_ssize_t = place.size
+    least = 1 if is_strict else 0
     starts = np.zeros(n + 1, np.int32)
-    start: cython.int[::1] = starts
+    begin, other = places(indptr, n + 1), places(indices, indices.size)
+    start, new = places(starts, n + 1), places(place, n)
     for j in range(n):
-        for t in range(indptr[j], indptr[j + 1]):
-            i = indices[t]
+        for t in range(begin[j], begin[j + 1]):
+            i = other[t]
             if i <= j - least:
-                start[max(place[i], place[j])] += 1
-    for k in range(1, n + 1):  # start[k] is the end of column k, then its beginning
-        start[k] += start[k - 1]
-    rows, sources = np.empty((2, start[n]), np.int32)
-    row: cython.int[::1] = rows
-    source: cython.int[::1] = sources
+                start[max(new[i], new[j])] += 1
+    for k in range(n):  # start[k] is the end of column k, then its beginning
+        start[k + 1] += start[k]
+    count = start[n]
+    rows, sources = np.empty((2, count), np.int32)
+    row, source = places(rows, count), places(sources, count)
     for j in range(n - 1, -1, -1):
-        for t in range(indptr[j + 1] - 1, indptr[j] - 1, -1):
-            i = indices[t]
+        for t in range(begin[j + 1] - 1, begin[j] - 1, -1):
+            i = other[t]
             if i <= j - least:
-                k = max(place[i], place[j])
+                k = max(new[i], new[j])
                 start[k] -= 1
-                row[start[k]] = min(place[i], place[j])
+                row[start[k]] = min(new[i], new[j])
                 source[start[k]] = t
     return starts, rows, sources
 
@@ -523,15 +528,19 @@ def elimination_tree(indptr, indices):
 
     Each entry (k, i) of L is followed up the tree to a column that row k has seen.
     """
-    size = indptr.shape[0] - 1
+    size: Py_ssize_t = indptr.size - 1
     parents, counts = constant(size, -1, np.int32), np.zeros(size, np.int32)
-    parent: cython.int[::1] = parents
-    count: cython.int[::1] = counts
-    seen: cython.int[::1] = np.empty(size, np.int32)
+    room = np.empty(size, np.int32)
+    parent, count, seen = (
+        places(parents, size),
+        places(counts, size),
+        places(room, size),
+    )
+    begin, rows = places(indptr, size + 1), places(indices, indices.size)
     for k in range(size):
         seen[k] = k
-        for t in range(indptr[k], indptr[k + 1]):
-            i = indices[t]
+        for t in range(begin[k], begin[k + 1]):
+            i = rows[t]
             while seen[i] != k:
                 seen[i] = k
                 count[i] += 1
@@ -541,13 +550,14 @@ def elimination_tree(indptr, indices):
     return parents, counts
 
 
-def postorder(parent, comes_last):
-    """Return the place of every node, each directly after its descendants."""
-    size = parent.shape[0]
-    place: cython.int[::1] = np.empty(size, np.int32)
-    head: cython.int[::1] = constant(size + 1, -1, np.int32)  # the last list: the roots
-    following: cython.int[::1] = np.empty(size, np.int32)
-    path: cython.int[::1] = np.empty(size + 1, np.int32)
+def postorder(size, parent, comes_last, place, room):
+    """Set the place of every node, each directly after its descendants.
+
+    room: for 3 size + 2 numbers.
+    """
+    head, following, path = room, room + size + 1, room + 2 * size + 1
+    for k in range(size + 1):
+        head[k] = -1  # the last list: the roots
     for turn in range(2):  # what comes last is put into the lists first
         for j in range(size - 1, -1, -1):
             if comes_last[j] + turn == 1:
@@ -569,7 +579,6 @@ def postorder(parent, comes_last):
                 place[k] = done
                 done += 1
             depth -= 1
-    return place
 
 
 def supernodes(indptr, indices, order):
