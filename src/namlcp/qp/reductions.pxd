@@ -12,13 +12,13 @@ cdef enum:
 
 cdef double FIXED, SAME, GOLDEN, PIVOT
 
-cdef int find_fixed(const double[::1] lb, const double[::1] ub, unsigned char[::1] stays) except -1
+cdef int find_fixed(object lb, object ub, object stays) except -1
 cdef int hand_on(object z, object rows, object ratio, bint equal, object full) except -1
 cdef void take_rows(const Columns* C, const Py_ssize_t* columns, Py_ssize_t n, const double* side, Py_ssize_t m, int* number, int* indptr, int* indices, double* data) noexcept
 cdef int group_rows(Py_ssize_t m, int* indptr, int* indices, double* data, int* key, int* table, long long mask, int* number, double* ratio) noexcept
 cdef double multiple(const int* indices, const double* data, Py_ssize_t a, Py_ssize_t a_end, Py_ssize_t c, Py_ssize_t c_end) noexcept
-cdef Py_ssize_t merge_rows(const int[::1] number, const double[::1] ratio, const double[::1] sides, bint equal, double tol, double[:, ::1] least, Py_ssize_t[:, ::1] giver) except -2
-cdef Py_ssize_t wrong_empty_row(const int[::1] number, const double[::1] sides, bint equal, double tol) except -2
+cdef Py_ssize_t merge_rows(Py_ssize_t rows, const int* number, const double* ratio, const double* sides, bint equal, double tol, Py_ssize_t count, double* least, Py_ssize_t* giver) noexcept
+cdef Py_ssize_t wrong_empty_row(Py_ssize_t rows, const int* number, const double* sides, bint equal, double tol) noexcept
 cdef int find_free_columns(object qp, int[::1] chosen, double[::1] pivot, double[::1] cost, double[::1] largest) except -1
 cdef Py_ssize_t only_entry(const Columns* C, Py_ssize_t j) noexcept nogil
 cdef Py_ssize_t drop_filling_rows(const Columns* A, Py_ssize_t n, int[::1] chosen, const double[::1] cost) except -1

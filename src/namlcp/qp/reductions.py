@@ -25,7 +25,7 @@ from cython import Py_ssize_t
 from cython.cimports.libc.math import INFINITY, fabs, floor
 from cython.cimports.libc.string import memcpy
 from cython.cimports.namlcp.linalg.arrays import indices as longs
-from cython.cimports.namlcp.linalg.arrays import numbers, places
+from cython.cimports.namlcp.linalg.arrays import numbers, places, signs
 from cython.cimports.namlcp.linalg.csc import Columns, take_columns
 from scipy.sparse import csc_array, csr_array
 
@@ -133,7 +133,7 @@ def presolve(qp, eps_abs, eps_rel, last=None):
     """
     _, q, _, h, _, b, lb, ub = qp
     stays = constant(q.size, True, np.bool_)
-    find_fixed(lb, ub, stays)
+    find_fixed(lb, ub, stays.view(np.int8))
     kept, fixed = stays.nonzero()[0], (~stays).nonzero()[0]
     x_fixed = 0.5 * (lb[fixed] + ub[fixed])
     if fixed.size:
@@ -167,9 +167,12 @@ def presolve(qp, eps_abs, eps_rel, last=None):
 
 def find_fixed(lb, ub, stays):
     """Clear the marks of the columns that their bounds fix."""
-    for j in range(lb.shape[0]):
-        if fabs(lb[j]) < INFINITY and fabs(ub[j]) < INFINITY:
-            stays[j] = not ub[j] - lb[j] <= FIXED * max(1.0, fabs(lb[j]))
+    n: Py_ssize_t = stays.size
+    lower, upper, mark = numbers(lb, n), numbers(ub, n), signs(stays, n)
+    for j in range(n):
+        if fabs(lower[j]) < INFINITY and fabs(upper[j]) < INFINITY:
+            mark[j] = not upper[j] - lower[j] <= FIXED * max(1.0, fabs(lower[j]))
+    return 0
 
 
 def hand_on(z, rows, ratio, equal, full):
@@ -194,16 +197,19 @@ def merged(name, count, groups, values, tol):
 
     These are messages and multipliers.
     """
-    equal, (number, ratio) = name == "A", groups
-    found = []
-    i = wrong_empty_row(number, values, equal, tol)
+    equal: cython.bint = name == "A"
+    (number, ratio), found = groups, []
+    rows: Py_ssize_t = values.size
+    of, by, own = places(number, rows), numbers(ratio, rows), numbers(values, rows)
+    i = wrong_empty_row(rows, of, own, equal, tol)
     if i >= 0:
         proof = np.zeros(values.size)
         proof[i] = -np.sign(values[i])
         text = f"row {i} of {name} has no free variable, but the right-hand side"
         found.append((f"{text} {values[i]:g}", proof))
     sides, givers = np.empty((2, count)), np.empty((2, count), np.intp)
-    k = merge_rows(number, ratio, values, equal, tol, sides, givers)
+    least, giver = numbers(sides, 2 * count), longs(givers, 2 * count)
+    k = merge_rows(rows, of, by, own, equal, tol, count, least, giver)
     if k >= 0:
         i, j = givers[:, k]
         proof = np.zeros(values.size)
@@ -334,9 +340,9 @@ def multiple(indices, data, a, a_end, c, c_end):
     return ratio
 
 
-def wrong_empty_row(number, sides, equal, tol):
+def wrong_empty_row(rows, number, sides, equal, tol):
     """Return the first empty row that no x satisfies within tol, or -1."""
-    for i in range(number.shape[0]):
+    for i in range(rows):
         if number[i] != EMPTY:
             continue
         if (fabs(sides[i]) > tol) if equal else -INFINITY < sides[i] < -tol:
@@ -344,27 +350,26 @@ def wrong_empty_row(number, sides, equal, tol):
     return -1
 
 
-def merge_rows(number, ratio, sides, equal, tol, least, giver):
-    """Merge the rows of each group, c g'x <= d or = d, to -least[1] <= g'x <= least[0].
+def merge_rows(rows, number, ratio, sides, equal, tol, count, least, giver):
+    """Merge the rows of each group, c g'x <= d or = d, to -lower <= g'x <= upper.
 
-    `giver` takes the rows that give these sides, -1 for none. Returns the first group
-    without a point in its range, both sides widened by `tol` in the units of their
-    rows, or -1.
+    least: upper, then lower. `giver` takes the rows that give these sides, -1 for none.
+    Returns the first group without a point in its range, both sides widened by `tol` in
+    the units of their rows, or -1.
     """
-    count = least.shape[1]
+    for k in range(2 * count):
+        least[k], giver[k] = INFINITY, -1
     for half in range(2):
         sign = 1.0 - 2.0 * half
-        for k in range(count):
-            least[half, k], giver[half, k] = INFINITY, -1
-        for i in range(number.shape[0]):
-            k, value = number[i], sign * sides[i] / ratio[i]
-            if k >= 0 and (equal or sign * ratio[i] > 0.0) and value < least[half, k]:
-                least[half, k], giver[half, k] = value, i if value > -INFINITY else -1
+        for i in range(rows):
+            k, value = number[i] + half * count, sign * sides[i] / ratio[i]
+            if number[i] >= 0 and (equal or sign * ratio[i] > 0.0) and value < least[k]:
+                least[k], giver[k] = value, i if value > -INFINITY else -1
     for k in range(count):
-        i, j = giver[0, k], giver[1, k]
+        i, j = giver[k], giver[count + k]
         if i >= 0 and j >= 0:
             wide = tol / fabs(ratio[i]) + tol / fabs(ratio[j])
-            if least[0, k] + least[1, k] < -wide:
+            if least[k] + least[count + k] < -wide:
                 return k
     return -1
 
