@@ -5,7 +5,7 @@ cdef struct Columns:
     const double *data
 
 cdef Py_ssize_t write_squares(const Columns* parts, const double[::1] weight, int[::1] indptr, int[::1] indices, double[::1] data) except -2
-cpdef tuple unit_triangle(const int[::1] indptr, const int[::1] indices, const double[::1] data, double zero, double least, double slack)
+cpdef tuple unit_triangle(object P, double zero, double least, double slack)
 cdef int take_columns(object M, Py_ssize_t n, Columns* out) except -1
 cdef void columns_times(const Columns* M, Py_ssize_t n, const double* x, double* out) noexcept nogil
 cdef void columns_times_transposed(const Columns* M, Py_ssize_t n, const double* z, double* out) noexcept nogil

@@ -193,7 +193,7 @@ def write_squares(parts, weight, indptr, indices, data):
     return nnz
 
 
-def unit_triangle(indptr, indices, data, zero, least, slack):
+def unit_triangle(P, zero, least, slack):
     """Return sign, i, j and a triangle: what tells whether P is positive semidefinite.
 
     sign: 1 where diagonal signs, minors of order two and diagonal dominance prove it, 0
@@ -202,11 +202,13 @@ def unit_triangle(indptr, indices, data, zero, least, slack):
     without rows and columns that have a diagonal entry alone. Here t = zero max |P|, at
     least `least`, allows for rounding, and R^2 is the diagonal of P + t I.
     """
-    n, size = indptr.shape[0] - 1, 0.0
-    most = data.shape[0] + n
-    diagonal: cython.double[::1] = np.zeros(n)
-    root: cython.double[::1] = np.empty(n)
-    number: cython.int[::1] = constant(n, -1, np.int32)
+    C: Columns
+    n: Py_ssize_t = P.shape[1]
+    take_columns(P, n, cython.address(C))
+    indptr, indices, data, size = C.indptr, C.indices, C.data, 0.0
+    parts, numbered = np.zeros((2, n)), constant(n, -1, np.int32)
+    diagonal, number = numbers(parts, 2 * n), places(numbered, n)
+    root = diagonal + n
     order: cython.int = 0
     for j in range(n):
         for t in range(indptr[j], indptr[j + 1]):
@@ -219,11 +221,11 @@ def unit_triangle(indptr, indices, data, zero, least, slack):
     tiny = zero * size
     for j in range(n):
         root[j] = sqrt(max(diagonal[j], 0.0) + max(tiny, least))
-    starts, places = np.zeros(order + 1, np.int32), np.empty(most, np.int32)
+    most = indptr[n] + n
+    starts, rows = np.zeros(order + 1, np.int32), np.empty(most, np.int32)
     entries = np.empty(most)
-    start: cython.int[::1] = starts
-    place: cython.int[::1] = places
-    value: cython.double[::1] = entries
+    start, place = places(starts, order + 1), places(rows, most)
+    value = numbers(entries, most)
     sign: cython.int = 1
     nnz: Py_ssize_t = 0
     for j in range(n):
@@ -248,7 +250,7 @@ def unit_triangle(indptr, indices, data, zero, least, slack):
         place[nnz], value[nnz] = number[j], 1.0 + slack
         nnz += 1
         start[number[j] + 1] = nnz
-    return sign, 0, 0, (starts, places[:nnz], entries[:nnz])
+    return sign, 0, 0, (starts, rows[:nnz], entries[:nnz])
 
 
 def take_columns(M, n, out):

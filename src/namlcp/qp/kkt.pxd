@@ -26,7 +26,7 @@ cdef class Condensed(Factors):
     cdef bint factor_values(self, double* data, Watched watch) noexcept nogil
     cdef void solve_into(self, double* rhs, double* x) noexcept nogil
 
-cpdef int upper_triangle(object P, object A, object G, int[::1] indptr, int[::1] indices, double[::1] data) except -1
+cdef int upper_triangle(object P, object A, object G, object starts, object rows, object values) except -1
 cdef int share_multipliers(object problem, object Z, object z, object z_box) except -1
 cdef tuple find_finite(object small, object unit)
 cpdef int equilibrate(object indptr, object indices, object data, object scale) except -1

@@ -160,11 +160,14 @@ class Condensed(Factors):
             x[n + i] = D[i] * (u[i] - y[i])
 
 
-def upper_triangle(P, A, G, indptr, indices, data):
+def upper_triangle(P, A, G, starts, rows, values):
     """Write the upper triangle of K from P in CSC (both triangles), A and G in CSR."""
     M: Columns
     n: Py_ssize_t = P.indptr.size - 1
     column, k = n, cython.cast(Py_ssize_t, 0)
+    most: Py_ssize_t = rows.size
+    indptr, indices = places(starts, starts.size), places(rows, most)
+    data = numbers(values, most)
     take_columns(P, n, cython.address(M))
     indptr[0] = 0
     for j in range(n):
@@ -179,9 +182,9 @@ def upper_triangle(P, A, G, indptr, indices, data):
         k += 1
         indptr[j + 1] = k
     for C in (A, G):
-        rows: Py_ssize_t = C.indptr.size - 1
-        take_columns(C, rows, cython.address(M))  # the columns of C'
-        for i in range(rows):
+        count: Py_ssize_t = C.indptr.size - 1
+        take_columns(C, count, cython.address(M))  # the columns of C'
+        for i in range(count):
             for t in range(M.indptr[i], M.indptr[i + 1]):
                 indices[k], data[k] = M.indices[t], M.data[t]
                 k += 1
@@ -275,10 +278,22 @@ def find_finite(small, unit):
     p: Py_ssize_t = small.b.size
     rows: Py_ssize_t = small.sides.size // 2
     size = 2 * (rows + n)
-    sides, ub, lb = numbers(small.sides, 2 * rows), numbers(small.ub, n), numbers(small.lb, n)
+    sides, ub, lb = (
+        numbers(small.sides, 2 * rows),
+        numbers(small.ub, n),
+        numbers(small.lb, n),
+    )
     units = numbers(unit, n + p + rows)
-    found, where, parts = np.empty(size, np.intp), np.empty(size, np.int32), np.empty((2, size))
-    number, place, sign = longs(found, size), places(where, size), numbers(parts, 2 * size)
+    found, where, parts = (
+        np.empty(size, np.intp),
+        np.empty(size, np.int32),
+        np.empty((2, size)),
+    )
+    number, place, sign = (
+        longs(found, size),
+        places(where, size),
+        numbers(parts, 2 * size),
+    )
     side = sign + size
     count: Py_ssize_t = 0
     for i in range(size):

@@ -22,7 +22,7 @@ from namlcp.checks import (
     without_huge,
 )
 from namlcp.limits import NEVER, Deadline
-from namlcp.linalg.csc import arrays_of, as_dense, unit_triangle
+from namlcp.linalg.csc import as_dense, unit_triangle
 from namlcp.linalg.definite import (
     PSD_SLACK,
     asymmetry,
@@ -224,7 +224,7 @@ def check_convex(P: Any, deadline: Deadline = NEVER) -> None:
         if dpotrf(P)[1] == 0:
             return  # definite, as most are: this takes a tenth of the time
         P = as_sparse(P)
-    sign, i, j, parts = unit_triangle(*arrays_of(P), ZERO, LEAST_DIVISOR, PSD_SLACK)
+    sign, i, j, parts = unit_triangle(P, ZERO, LEAST_DIVISOR, PSD_SLACK)
     if sign > 0:
         return
     if sign == 0:

@@ -19,6 +19,6 @@ cdef int group_rows(Py_ssize_t m, int* indptr, int* indices, double* data, int* 
 cdef double multiple(const int* indices, const double* data, Py_ssize_t a, Py_ssize_t a_end, Py_ssize_t c, Py_ssize_t c_end) noexcept
 cdef Py_ssize_t merge_rows(Py_ssize_t rows, const int* number, const double* ratio, const double* sides, bint equal, double tol, Py_ssize_t count, double* least, Py_ssize_t* giver) noexcept
 cdef Py_ssize_t wrong_empty_row(Py_ssize_t rows, const int* number, const double* sides, bint equal, double tol) noexcept
-cdef int find_free_columns(object qp, int[::1] chosen, double[::1] pivot, double[::1] cost, double[::1] largest) except -1
+cdef int find_free_columns(object qp, object choice, object parts) except -1
 cdef Py_ssize_t only_entry(const Columns* C, Py_ssize_t j) noexcept nogil
-cdef Py_ssize_t drop_filling_rows(const Columns* A, Py_ssize_t n, int[::1] chosen, const double[::1] cost) except -1
+cdef Py_ssize_t drop_filling_rows(const Columns* A, Py_ssize_t n, Py_ssize_t rows, int* chosen, const double* cost) except -1

@@ -440,14 +440,14 @@ def substitute(qp, last=None, deadline=NEVER):
         return last._replace(user=qp)
     deadline.check(PASS * qp.A.data.size)
     n, m, p = qp.q.size, qp.h.size, qp.b.size
-    chosen, (pivot, cost, work) = np.empty(p, dtype=np.int32), np.empty((3, p))
-    find_free_columns(qp, chosen, pivot, cost, work)
+    chosen, parts = constant(p, -1, np.int32), np.zeros((3, p))
+    find_free_columns(qp, chosen, parts)
     by = (chosen >= 0).nonzero()[0]
     if not by.size or not (qp.lb <= qp.ub).all():
         return None
     deadline.check(PASS * qp.A.data.size)
     others, columns = (chosen < 0).nonzero()[0], chosen[by]
-    pivot, cost = pivot[by], cost[by]
+    pivot, cost = parts[0, by], parts[1, by]
     stays = constant(n, True, np.bool_)
     stays[columns] = False
     kept = stays.nonzero()[0]
@@ -466,24 +466,24 @@ def substitute(qp, last=None, deadline=NEVER):
     )  # fmt: skip
 
 
-def find_free_columns(qp, chosen, pivot, cost, largest):
+def find_free_columns(qp, choice, parts):
     """Choose the free columns with the largest entry in their row.
 
-    Row i of A substitutes column chosen[i], none where that is -1; pivot and cost take
-    the entry and p. All these (p,) are overwritten.
+    Row i of A substitutes column choice[i], none where that is -1, as on entry. parts,
+    (3, p), 0 on entry: the entry, the cost p, and the largest entry of each row.
     """
     P: Columns
     G: Columns
     A: Columns
     n: Py_ssize_t = qp.q.size
+    p: Py_ssize_t = qp.b.size
     some: cython.bint = False
     take_columns(qp.P, n, cython.address(P))
     take_columns(qp.G, n, cython.address(G))
     take_columns(qp.A, n, cython.address(A))
     lb, ub = numbers(qp.lb, n), numbers(qp.ub, n)
-    for i in range(chosen.shape[0]):
-        chosen[i] = -1
-        pivot[i], cost[i], largest[i] = 0.0, 0.0, 0.0
+    chosen, pivot = places(choice, p), numbers(parts, 3 * p)
+    cost, largest = pivot + p, pivot + 2 * p
     for j in range(n):
         if lb[j] > -INFINITY or ub[j] < INFINITY:
             continue
@@ -502,10 +502,10 @@ def find_free_columns(qp, chosen, pivot, cost, largest):
         for t in range(A.indptr[n]):
             i = A.indices[t]
             largest[i] = max(largest[i], fabs(A.data[t]))
-        for i in range(chosen.shape[0]):
+        for i in range(p):
             if fabs(pivot[i]) < PIVOT * largest[i]:
                 chosen[i], cost[i] = -1, 0.0
-        drop_filling_rows(cython.address(A), n, chosen, cost)
+        drop_filling_rows(cython.address(A), n, p, chosen, cost)
     return 0
 
 
@@ -520,10 +520,10 @@ def only_entry(C, j):
     return found
 
 
-def drop_filling_rows(A, n, chosen, cost):
+def drop_filling_rows(A, n, rows, chosen, cost):
     """If the squares of all rows with p > 0 fill P, set chosen[i] = -1 in long ones."""
-    rows = chosen.shape[0]
-    count: cython.longlong[::1] = np.zeros(rows, np.longlong)
+    counts = np.zeros(rows, np.intp)
+    count = longs(counts, rows)
     lengths: cython.longlong = 0
     squares: cython.longlong = 0
     width: cython.longlong = 0
