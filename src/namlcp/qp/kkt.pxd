@@ -28,7 +28,7 @@ cdef class Condensed(Factors):
 
 cdef int upper_triangle(object P, object A, object G, object starts, object rows, object values) except -1
 cdef int share_multipliers(object problem, object Z, object z, object z_box) except -1
-cdef tuple find_finite(object small, object unit)
+cdef tuple find_finite(object small, object units)
 cpdef int equilibrate(object indptr, object indices, object data, object scale) except -1
 cdef void equilibrate_parts(
     const Matrix* P, const Matrix* A, const Matrix* G, Py_ssize_t n, Py_ssize_t p, Py_ssize_t m,

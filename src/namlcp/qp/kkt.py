@@ -272,47 +272,33 @@ def share_multipliers(problem, Z, z, z_box):
     return 0
 
 
-def find_finite(small, unit):
+def find_finite(small, units):
     """Return the numbers of the finite sides, their places, signs and scaled values."""
     n: Py_ssize_t = small.q.size
     p: Py_ssize_t = small.b.size
     rows: Py_ssize_t = small.sides.size // 2
     size = 2 * (rows + n)
-    sides, ub, lb = (
-        numbers(small.sides, 2 * rows),
-        numbers(small.ub, n),
-        numbers(small.lb, n),
-    )
-    units = numbers(unit, n + p + rows)
-    found, where, parts = (
-        np.empty(size, np.intp),
-        np.empty(size, np.int32),
-        np.empty((2, size)),
-    )
-    number, place, sign = (
-        longs(found, size),
-        places(where, size),
-        numbers(parts, 2 * size),
-    )
-    side = sign + size
+    sides, unit = numbers(small.sides, 2 * rows), numbers(units, n + p + rows)
+    ub, lb = numbers(small.ub, n), numbers(small.lb, n)
+    finite, where = np.empty(size, np.intp), np.empty(size, np.int32)
+    number, place, parts = longs(finite, size), places(where, size), np.empty((2, size))
+    sign = numbers(parts, 2 * size)
+    c = sign + size
     count: Py_ssize_t = 0
     for i in range(size):
-        half = i < rows or 2 * rows <= i < 2 * rows + n
         j = i - 2 * rows
+        is_upper: cython.bint = i < rows or 0 <= j < n
         if j < 0:
-            value = sides[i]
-            j = n + p + (i if i < rows else i - rows)
-        elif j < n:
-            value = ub[j]
+            side, j = sides[i], n + p + (i if is_upper else i - rows)
+        elif is_upper:
+            side = ub[j]
         else:
-            j -= n
-            value = -lb[j]
-        if not fabs(value) < INFINITY:
-            continue
-        number[count], place[count], sign[count] = i, j, 1.0 if half else -1.0
-        side[count] = value / units[j]
-        count += 1
-    return found[:count], where[:count], parts[0, :count], parts[1, :count]
+            side, j = -lb[j - n], j - n
+        if fabs(side) < INFINITY:
+            number[count], place[count] = i, j
+            sign[count], c[count] = 1.0 if is_upper else -1.0, side / unit[j]
+            count += 1
+    return finite[:count], where[:count], parts[0, :count], parts[1, :count]
 
 
 def equilibrate(indptr, indices, data, scale):

@@ -14,10 +14,9 @@ cdef double FIXED, SAME, GOLDEN, PIVOT
 
 cdef int find_fixed(object lb, object ub, object stays) except -1
 cdef int hand_on(object z, object rows, object ratio, bint equal, object full) except -1
-cdef void take_rows(const Columns* C, const Py_ssize_t* columns, Py_ssize_t n, const double* side, Py_ssize_t m, int* number, int* indptr, int* indices, double* data) noexcept
-cdef int group_rows(Py_ssize_t m, int* indptr, int* indices, double* data, int* key, int* table, long long mask, int* number, double* ratio) noexcept
+cdef int group_rows(Py_ssize_t m, int* indptr, int* indices, double* data, int* number, double* ratio) except -1
 cdef double multiple(const int* indices, const double* data, Py_ssize_t a, Py_ssize_t a_end, Py_ssize_t c, Py_ssize_t c_end) noexcept
-cdef Py_ssize_t merge_rows(Py_ssize_t rows, const int* number, const double* ratio, const double* sides, bint equal, double tol, Py_ssize_t count, double* least, Py_ssize_t* giver) noexcept
+cdef Py_ssize_t merge_rows(Py_ssize_t rows, const int* number, const double* ratio, const double* sides, bint equal, double tol, object ends, object givers) except -2
 cdef Py_ssize_t wrong_empty_row(Py_ssize_t rows, const int* number, const double* sides, bint equal, double tol) noexcept
 cdef int find_free_columns(object qp, object choice, object parts) except -1
 cdef Py_ssize_t only_entry(const Columns* C, Py_ssize_t j) noexcept nogil

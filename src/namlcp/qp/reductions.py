@@ -208,8 +208,7 @@ def merged(name, count, groups, values, tol):
         text = f"row {i} of {name} has no free variable, but the right-hand side"
         found.append((f"{text} {values[i]:g}", proof))
     sides, givers = np.empty((2, count)), np.empty((2, count), np.intp)
-    least, giver = numbers(sides, 2 * count), longs(givers, 2 * count)
-    k = merge_rows(rows, of, by, own, equal, tol, count, least, giver)
+    k = merge_rows(rows, of, by, own, equal, tol, sides, givers)
     if k >= 0:
         i, j = givers[:, k]
         proof = np.zeros(values.size)
@@ -229,66 +228,49 @@ def leading_rows(M, columns, sides):
     C: Columns
     m: Py_ssize_t = sides.size
     n: Py_ssize_t = columns.size
+    most: Py_ssize_t = M.data.size
     take_columns(M, M.shape[1], cython.address(C))
-    number, ratio = constant(m, EMPTY, np.int32), constant(m, 1.0)
-    size, most = 1 << (2 * m + 1).bit_length(), M.data.size
-    key, table = np.empty(m, np.int32), constant(size, -1, np.int32)
+    kept, side = longs(columns, n), numbers(sides, m)
+    groups = Groups(constant(m, EMPTY, np.int32), constant(m, 1.0))
+    number = places(groups.number, m)
     starts, others = np.zeros(m + 1, np.int32), np.empty(most, np.int32)
-    values = np.empty(most)
-    indptr, indices, data = (
-        places(starts, m + 1),
-        places(others, most),
-        numbers(values, most),
-    )
-    group, factor = places(number, m), numbers(ratio, m)
-    columns_at, sides_at = longs(columns, n), numbers(sides, m)
-    take_rows(
-        cython.address(C), columns_at, n, sides_at, m, group, indptr, indices, data
-    )
-    count = group_rows(
-        m,
-        indptr,
-        indices,
-        data,
-        places(key, m),
-        places(table, size),
-        size - 1,
-        group,
-        factor,
-    )
-    end = starts[count]
-    parts = starts[: count + 1], others[:end], values[:end]
-    return from_arrays(parts, (count, n), csr_array), Groups(number, ratio)
-
-
-def take_rows(C, columns, n, side, m, number, indptr, indices, data):
-    """Write the nonzero entries of the columns, by rows, but of rows without a side."""
+    entries = np.empty(most)
+    indptr, indices = places(starts, m + 1), places(others, most)
+    data = numbers(entries, most)
     for i in range(m):
-        number[i] = EMPTY if side[i] < INFINITY else UNWANTED
+        if not side[i] < INFINITY:
+            number[i] = UNWANTED
     for k in range(n):
-        for t in range(C.indptr[columns[k]], C.indptr[columns[k] + 1]):
+        for t in range(C.indptr[kept[k]], C.indptr[kept[k] + 1]):
             i = C.indices[t]
             if number[i] == EMPTY and C.data[t] != 0.0:
                 indptr[i] += 1
     for i in range(m):  # indptr[i] is the end of row i, then its beginning
         indptr[i + 1] += indptr[i]
     for k in range(n - 1, -1, -1):
-        for t in range(C.indptr[columns[k]], C.indptr[columns[k] + 1]):
+        for t in range(C.indptr[kept[k]], C.indptr[kept[k] + 1]):
             i = C.indices[t]
             if number[i] == EMPTY and C.data[t] != 0.0:
                 indptr[i] -= 1
                 indices[indptr[i]], data[indptr[i]] = k, C.data[t]
+    count = group_rows(m, indptr, indices, data, number, numbers(groups.ratio, m))
+    parts = starts[: count + 1], others[: starts[count]], entries[: starts[count]]
+    return from_arrays(parts, (count, n), csr_array), groups
 
 
-def group_rows(m, indptr, indices, data, key, table, mask, number, ratio):
+def group_rows(m, indptr, indices, data, number, ratio):
     """Group the rows of a CSR matrix that are proportional; return how many groups.
 
     number and ratio are set as in `Groups`, for rows that are not empty; the matrix is
-    overwritten by its leaders, `key` by the bits of their keys in single precision, so
-    that rounding errors seldom change them; `table`, -1 on entry, is a hash table with
-    open addressing. The key of a row is sum |a_ij| w_ij / |first a_ij| with the weights
-    of GOLDEN, plus 1 where the signs of a_ij and of the first entry differ.
+    overwritten by its leaders. The key of a row is sum |a_ij| w_ij / |first a_ij| with
+    the weights of GOLDEN, plus 1 where the signs of a_ij and of the first entry differ.
+    `keys` has their bits in single precision, so that rounding errors seldom change
+    them; `slots` is a hash table with open addressing.
     """
+    size: Py_ssize_t = 1 << (2 * m + 1).bit_length()
+    mask: cython.longlong = size - 1
+    keys, slots = np.empty(m, np.int32), constant(size, -1, np.int32)
+    key, table = places(keys, m), places(slots, size)
     kept: cython.int = 0
     group: cython.int = 0
     bits: cython.int = 0
@@ -350,13 +332,15 @@ def wrong_empty_row(rows, number, sides, equal, tol):
     return -1
 
 
-def merge_rows(rows, number, ratio, sides, equal, tol, count, least, giver):
-    """Merge the rows of each group, c g'x <= d or = d, to -lower <= g'x <= upper.
+def merge_rows(rows, number, ratio, sides, equal, tol, ends, givers):
+    """Merge the rows of each group, c g'x <= d or = d, to -ends[1] <= g'x <= ends[0].
 
-    least: upper, then lower. `giver` takes the rows that give these sides, -1 for none.
-    Returns the first group without a point in its range, both sides widened by `tol` in
-    the units of their rows, or -1.
+    `givers` takes the rows that give these sides, -1 for none. Returns the first group
+    without a point in its range, both sides widened by `tol` in the units of their
+    rows, or -1.
     """
+    count: Py_ssize_t = ends.shape[1]
+    least, giver = numbers(ends, 2 * count), longs(givers, 2 * count)
     for k in range(2 * count):
         least[k], giver[k] = INFINITY, -1
     for half in range(2):
