@@ -253,7 +253,7 @@ class ScaledQP:
 
 
 def share_multipliers(problem, Z, z, z_box):
-    """Set the multipliers of sides and bounds, zero before, from those of the finite."""
+    """Set the multipliers of sides and bounds, zero before, from the finite ones."""
     m: Py_ssize_t = Z.size
     n: Py_ssize_t = z_box.size
     rows: Py_ssize_t = z.size
