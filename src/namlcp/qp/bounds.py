@@ -12,11 +12,10 @@ ray x, q'x = -1                       ray v, q'v = -1 (no solution)
 from cython.cimports.libc.math import INFINITY
 
 from namlcp.checks import as_sparse
-from namlcp.lcp.data import LCP
+from namlcp.lcp.data import LCP, Prepared
 from namlcp.lcp.methods import LARGE_LCP, solve_auto
 from namlcp.lcp.pivoting.driver import Attempt
 from namlcp.lcp.pivoting.pivot import ACCURACY
-from namlcp.lcp.prepared import Prepared
 from namlcp.limits import Limits
 from namlcp.linalg.csc import times
 from namlcp.qp.problem import NO_ENTRIES

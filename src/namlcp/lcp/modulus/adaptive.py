@@ -49,7 +49,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import eigh_tridiagonal
 
-from namlcp.lcp.data import LCP
+from namlcp.lcp.data import LCP, diagonal_of
 from namlcp.lcp.loops import Z
 from namlcp.lcp.modulus.methods import (
     SWEEPS,
@@ -59,7 +59,6 @@ from namlcp.lcp.modulus.methods import (
     fixed_step,
     positive_diagonal,
 )
-from namlcp.lcp.prepared import diagonal_of
 
 # c >= LEAST_C G sqrt(f) / (p - c), f the geometric mean of b - 2 for the free rows and
 # for the whole matrix. c is at least SMALL_C: with less, s hardly changes at a bound.

@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy import sparse
 
-from namlcp.lcp.data import LCP
+from namlcp.lcp.data import LCP, diagonal_of
 from namlcp.lcp.loops import (
     INVERSE,
     LOWER,
@@ -34,7 +34,6 @@ from namlcp.lcp.loops import (
     sweep_csr,
     sweep_dense,
 )
-from namlcp.lcp.prepared import diagonal_of
 from namlcp.lcp.shifted import Shifted
 from namlcp.linalg.csc import arrays_of
 from namlcp.linalg.definite import asymmetry

@@ -25,9 +25,9 @@ import numpy as np
 from scipy import sparse
 from scipy.linalg.blas import daxpy, dnrm2
 
+from namlcp.lcp.data import Prepared
 from namlcp.lcp.loops import row_sums
 from namlcp.lcp.multigrid.kernels import ascend, descend, free_product, truncate_coarse
-from namlcp.lcp.prepared import Prepared
 from namlcp.limits import NEVER, Deadline
 from namlcp.linalg.csc import arrays_of
 
