@@ -58,7 +58,7 @@ def solve_bounds(qp, chain, guess, judge, memory):
         attempt = Attempt(lcp, z0, inner, ask_convex=True)
         attempt.run()
         if attempt.solved and attempt.convex:  # the residuals of the LCP need no check
-            if judge.offer(point_of(qp, chain, attempt.best())) <= 1.0:
+            if judge.offer(point_of(qp, chain, attempt.best_point())) <= 1.0:
                 return judge.answer(Status.SOLVED, attempt.factorisations, FORM)
         outcome, convex = attempt.outcome(), attempt.convex
         if outcome.ray is None:

@@ -52,7 +52,7 @@ from namlcp.lcp.general.tableau import (
     pivot_until,
     tableau_of,
 )
-from namlcp.lcp.pivoting.rays import proof
+from namlcp.lcp.pivoting.driver import proof
 from namlcp.limits import Limits
 from namlcp.status import ENDS, Outcome, Status
 

@@ -16,14 +16,11 @@ cdef enum:
     STILL_SWEEPS = 3
     BLOCK_STEPS = 3
     OUTER_STEPS = 200
-    EARLY_STEPS = 20
-    FEW = 64
-    SOME = 4
     FACTORISATIONS = 100
 
 cdef double SWEEP_RELAXATION, RHO, EXACT_RESIDUAL, START_MARGIN
 cdef double SYMMETRY_ROUNDING
-cdef object SOLVED, NAME
+cdef object SOLVED
 
 cpdef int pivot(Pivoting m) except -1
 cdef int advance(Pivoting m) noexcept nogil
