@@ -38,8 +38,8 @@ SLOPE_ROUNDING, LEAST_FALL = 1e-13, 1e-10
 # Entries of A'v beyond this, relative to |A|'|v|, may stay if A is not symmetric and a
 # finite bound on z_i limits the product with z_i.
 CLEAR_SLOPE = 1e-5
-# Corrections at most; after each, entries that changed their sign are set to 0. Relative
-# accuracy of an iterative one, its steps and its multiplications at most.
+# Corrections at most; after each, entries that changed their sign are set to 0. Of an
+# iterative one: relative accuracy, steps and multiplications at most.
 DROPS, CORRECTION, CORRECTION_STEPS, MULTIPLICATIONS = 4, 1e-6, 2000, 200_000_000
 
 # Vectors in the memory: the scaled matrix is D A D; the iterate, the right-hand side.
