@@ -179,10 +179,7 @@ class Step:
 
 
 def fixed_step(lcp: LCP, chosen: Sweep, parameters: Parameters) -> Step | None:
-    """Return a step for checked parameters, None if a factorisation fails.
-
-    parameters.shift is the diagonal of E, None for methods without.
-    """
+    """Return a step for checked parameters, None if a factorisation fails."""
     if chosen.factored:
         return factored_step(lcp, chosen, parameters)
     A, (_, q, lower, upper) = lcp.A, lcp
@@ -190,11 +187,8 @@ def fixed_step(lcp: LCP, chosen: Sweep, parameters: Parameters) -> Step | None:
     vectors = np.empty((6, q.size))
     vectors[OMEGA], vectors[Q] = omega, q
     vectors[LOWER], vectors[UPPER] = lower, upper
-    P = A.diagonal() / alpha
-    P += omega
-    if shift is not None:
-        P += shift
-    np.divide(1.0, P, out=vectors[INVERSE])
+    P = A.diagonal() / alpha + omega + (0.0 if shift is None else shift)
+    vectors[INVERSE] = 1.0 / P
     weights = beta / alpha + chosen.own, chosen.reflected
     if isinstance(A, np.ndarray):
         return Step(omega, partial(sweep_dense, A, vectors, *weights))
