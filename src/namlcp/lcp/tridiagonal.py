@@ -21,8 +21,8 @@ from cython.cimports.namlcp.measure import are_met
 
 from namlcp.status import Status
 
-# Violation of a sign, relative to Res(clip(0)), that counts as 0; relative difference up
-# to which two pivots count as equal.
+# Violation of a sign, relative to Res(clip(0)), that counts as 0; relative difference of
+# two pivots that count as equal.
 SIGN_ROUNDING, SAME_PIVOT = 1e-15, 4.0 * np.finfo(float).eps
 
 
@@ -148,7 +148,7 @@ def begin(m):
 
 
 def solve_face(m):
-    """Solve the face, and keep the best point; return MORE where there is a next one."""
+    """Solve the face, keep the best point; return MORE where there is a next face."""
     wrong = eliminate(m)
     if wrong < 0:
         return STUCK

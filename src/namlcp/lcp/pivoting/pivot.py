@@ -47,8 +47,10 @@ ACCURACY = 1e-9
 SOLVED, SYMMETRY_ROUNDING = Status.SOLVED, definite.SYMMETRY_ROUNDING
 # FIRST_SWEEPS: first sweeps at most; STILL_SWEEPS: sweeps in a row without a change of
 # state that end them. BLOCK_STEPS: changes of states without fewer wrong signs until
-# block pivoting is given up. OUTER_STEPS: proximal steps at most. FACTORISATIONS: those
-# of `solve_small` at most, as nothing looks at the clock between them.
+# block pivoting is given up. OUTER_STEPS: proximal steps at most. EARLY_STEPS, FEW,
+# SOME: those of a symmetric A that may end early, while at most one sign in FEW is
+# wrong and more than SOME factorisations were made. FACTORISATIONS: those of
+# `solve_small` at most, as nothing looks at the clock between them.
 # Relaxation parameter of the first sweeps.
 SWEEP_RELAXATION = 1.4
 # The proximal parameter, relative to the unit diagonal. With 1e-9 singular problems end
@@ -273,7 +275,11 @@ def use_solution(m):
             reset_patience(m, RHO)
             return GO_ON
     wrong = set_goals(m)
-    if wrong == 0:
+    # Far from the solution an exact proximal step wastes factorisations; the next one
+    # uses the same factor unless rho changes.
+    early: cython.bint = m.symmetric and m.rho > 0.0 and m.factorisations > SOME
+    early = early and wrong < m.fewest_wrong and m.outer_steps < EARLY_STEPS
+    if wrong == 0 or (early and FEW * wrong <= m.n):
         return end_outer_step(m)
     if m.solved:
         return DONE
