@@ -15,7 +15,7 @@ from contextlib import suppress
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from namlcp.lcp.prepared import Prepared
+from namlcp.lcp.data import Prepared
 from namlcp.many import solve_many
 from namlcp.options import Options, Relaxation
 from namlcp.qp.problem import NotConvex

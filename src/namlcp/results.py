@@ -18,8 +18,7 @@ from namlcp.derivatives.gradients import (
 )
 from namlcp.derivatives.lcp import LCPDerivative
 from namlcp.derivatives.qp import BatchDerivative, ClosestDerivative, QPDerivative
-from namlcp.lcp.data import LCP
-from namlcp.lcp.prepared import Prepared
+from namlcp.lcp.data import LCP, Prepared
 from namlcp.linalg.arrays import stamp_of_arrays
 from namlcp.linalg.csc import times
 from namlcp.qp.batch import STATUSES, Items

@@ -20,9 +20,8 @@ import numpy as np
 
 from namlcp import Prepared, Status, natural_residual
 from namlcp.lcp.data import LCP
-from namlcp.lcp.modulus.adaptive import AdaptiveStep
 from namlcp.lcp.modulus.methods import SWEEPS, Parameters, Step
-from namlcp.lcp.modulus.sweeps import iterate, step_of
+from namlcp.lcp.modulus.sweeps import AdaptiveStep, iterate, step_of
 from namlcp.limits import Limits
 from validation.harness import Job, Row
 from validation.harness.suite import Args, Suite

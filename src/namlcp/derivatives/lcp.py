@@ -29,11 +29,10 @@ from namlcp.checks import from_arrays, no_rows
 from namlcp.derivatives.dense import sides_of_lcp
 from namlcp.derivatives.factors import DenseFactors, KKTFactors, SparseFactors
 from namlcp.derivatives.gradients import LCPGradients, LCPTangent, change, rank_two_on
-from namlcp.lcp.data import LCP, lcp_data
+from namlcp.lcp.data import LCP, Operator, Prepared, lcp_data
 from namlcp.lcp.methods import LARGE_LCP, solve_by_method
 from namlcp.lcp.multigrid.hierarchy import FreeSystem, hierarchy_of
 from namlcp.lcp.pivoting.pivot import ACCURACY
-from namlcp.lcp.prepared import Operator, Prepared
 from namlcp.limits import Limits
 from namlcp.linalg.csc import arrays_of, by_rows, submatrix
 from namlcp.qp.kkt import KKT

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from namlcp.checks import vector
-from namlcp.lcp.data import LCP, LCPPoint
+from namlcp.lcp.data import LCP, LCPPoint, Operator, Prepared
 from namlcp.lcp.general.lemke import (
     LARGEST_ENUMERATION,
     solve_by_enumeration,
@@ -30,7 +30,6 @@ from namlcp.lcp.mprgp import solve_by_products
 from namlcp.lcp.multigrid.cycles import solve_by_multigrid
 from namlcp.lcp.multigrid.hierarchy import hierarchy_of
 from namlcp.lcp.pivoting.driver import Attempt
-from namlcp.lcp.prepared import Operator, Prepared
 from namlcp.lcp.psor import solve_by_sweeps
 from namlcp.lcp.tridiagonal import solve_tridiagonal
 from namlcp.limits import Deadline, Limits
@@ -42,7 +41,7 @@ from namlcp.status import Outcome, Status
 LARGE_LCP = 10_000
 # Largest orders for Lemke's method on a dense tableau: up to the first it is faster
 # than the paths where A is dense, up to the second it is tried after them. (An A of up
-# to `prepared.DENSE_ORDER` unknowns is dense here even if given as sparse.)
+# to `data.DENSE_ORDER` unknowns is dense here even if given as sparse.)
 LEMKE_ORDER, LAST_LEMKE = 400, 1200
 # Order up to which a proof is cheap beside a path.
 PROOF_ORDER = 250

@@ -13,17 +13,17 @@ that no divisions are needed from there on.
 
 import cython
 import numpy as np
-from cython.cimports.libc.math import INFINITY, NAN, fabs, sqrt
+from cython.cimports.libc.math import NAN, fabs, sqrt
 from cython.cimports.namlcp.box import clip
 from cython.cimports.namlcp.linalg.arrays import numbers, signs
 from cython.cimports.namlcp.linalg.vectors import box_squares, copy, fill
+from cython.cimports.namlcp.measure import are_met
 
 from namlcp.status import Status
 
-# Violation of a sign, relative to Res(clip(0)), that counts as 0.
-SIGN_ROUNDING = 1e-15
-# Relative difference up to which two pivots count as equal.
-SAME_PIVOT = 4.0 * np.finfo(float).eps
+# Violation of a sign, relative to Res(clip(0)), that counts as 0; relative difference of
+# two pivots that count as equal.
+SIGN_ROUNDING, SAME_PIVOT = 1e-15, 4.0 * np.finfo(float).eps
 
 
 class Faces:
@@ -56,8 +56,8 @@ def eliminate(m):
     """Write z and w of a face, change the states with a wrong sign; return how many.
 
     Returns -1 if a pivot is not positive; sets m.inside, whether z is in the box. The
-    elimination gives z_i = t_i - c_i z_{i+1}; bounded unknowns have t_i = bound, c_i =
-    0. This recurrence limits the speed, so all else is done in its loops.
+    elimination gives z_i = t_i - c_i z_{i+1}, of bounded unknowns t_i = bound, c_i = 0.
+    This recurrence limits the speed, so all else is done in its loops.
     """
     below, diagonal, above, inverses = m.below, m.diagonal, m.above, m.inverse
     root, q, lower, upper = m.root, m.q, m.lower, m.upper
@@ -132,52 +132,37 @@ def set_residuals(m, z, w):
 
 
 def begin(m):
-    """Take clip(0) as best point, and the states after a step of Jacobi from z.
-
-    Tell whether clip(0) is a solution, then in z, too.
-    """
+    """Take clip(0) as best point, and the states after a step of Jacobi from z."""
     fill(m.best_z, 0.0, m.n)
     clip_into_box(m, m.best_z, m.best_w)
     set_residuals(m, m.best_z, m.best_w)
     m.size = m.least = m.scaled
     m.slack = max(SIGN_ROUNDING, 0.01 * m.eps_rel / sqrt(m.n)) * m.size
     if m.size == 0.0:
-        copy(m.best_z, m.z, m.n)
-        copy(m.best_w, m.w, m.n)
         return SOLVED
     clip_into_box(m, m.z, m.w)
     for i in range(m.n):
         s = m.z[i] - m.w[i] * (m.root[i] * m.root[i])
-        m.state[i] = 0
-        if s >= m.upper[i]:
-            m.state[i] += 1
-        if s <= m.lower[i]:
-            m.state[i] -= 1
+        m.state[i] = (s >= m.upper[i]) - (s <= m.lower[i])
     return MORE
 
 
 def solve_face(m):
-    """Solve the face; return MORE where there is a next one, else how it ended.
-
-    With SOLVED and ROUNDED z and w are the solution; best_z and best_w are the best
-    point so far.
-    """
+    """Solve the face, keep the best point; return MORE where there is a next face."""
     wrong = eliminate(m)
     if wrong < 0:
         return STUCK
     if not m.inside:
         clip_into_box(m, m.z, m.w)
     set_residuals(m, m.z, m.w)
-    if wrong == 0:
-        goal = m.eps_rel * m.size
-        if m.plain < m.eps_abs or (m.scaled <= goal and goal < INFINITY):
-            return SOLVED
-        return ROUNDED
-    if m.scaled < m.least:
+    if wrong == 0 or m.scaled < m.least:
         m.least = m.scaled
         copy(m.z, m.best_z, m.n)
         copy(m.w, m.best_w, m.n)
-    return MORE
+    if wrong > 0:
+        return MORE
+    is_solved = are_met(m.eps_abs, m.eps_rel, m.size, m.plain, m.scaled)
+    return SOLVED if is_solved else ROUNDED
 
 
 def solve_tridiagonal(lcp, z0, limits):
@@ -188,17 +173,17 @@ def solve_tridiagonal(lcp, z0, limits):
     """
     n: cython.Py_ssize_t = lcp.q.size
     deadline, most = limits.deadline, min(limits.max_iter or MOST_FACES, MOST_FACES)
-    # points: z and w of the face, c_i of the elimination, the best z so far and its w.
-    state, points = np.empty(n, np.int8), np.empty((5, n))
-    points[0] = 0.0 if z0 is None else z0
+    # z and w of the face, c_i of the elimination; the best point so far.
+    state, face, best = np.empty(n, np.int8), np.empty((3, n)), np.empty((2, n))
+    face[0] = 0.0 if z0 is None else z0
     m: Faces = Faces()
     m.n, rows, m.state = n, numbers(lcp.matrix.tridiagonal, 5 * n), signs(state, n)
     m.below, m.diagonal = rows + BELOW * n, rows + DIAGONAL * n
     m.above, m.inverse, m.root = rows + ABOVE * n, rows + INVERSE * n, rows + ROOT * n
     m.q, m.lower = numbers(lcp.q, n), numbers(lcp.lower, n)
-    m.upper, m.z = numbers(lcp.upper, n), numbers(points, 5 * n)
-    m.w, m.coupling = m.z + n, m.z + 2 * n
-    m.best_z, m.best_w = m.z + 3 * n, m.z + 4 * n
+    m.upper, m.z = numbers(lcp.upper, n), numbers(face, 3 * n)
+    m.w, m.coupling, m.best_z = m.z + n, m.z + 2 * n, numbers(best, 2 * n)
+    m.best_w = m.best_z + n
     m.eps_abs, m.eps_rel = limits.tolerances
     faces = 0
     with cython.nogil:
@@ -208,12 +193,10 @@ def solve_tridiagonal(lcp, z0, limits):
             code = solve_face(m)
         faces += 1
         if limits.report is not None:
-            z, w = points[:2] if code in (SOLVED, ROUNDED) else points[3:]
-            limits.report(faces, lcp.residual(z, w), np.count_nonzero(state))
+            limits.report(faces, lcp.residual(*best), np.count_nonzero(state))
     status = (Status.SOLVED, Status.DIVERGED, Status.DIVERGED, Status.STALLED)[code]
     if code == MORE and faces == limits.max_iter:
         status = Status.MAX_ITER
     elif code == MORE and deadline.reached():
         status = Status.TIME_LIMIT
-    z, w = points[:2] if code in (SOLVED, ROUNDED) else points[3:]
-    return lcp.outcome(status, z.copy(), w.copy(), faces, "tridiagonal")
+    return lcp.outcome(status, *best, faces, "tridiagonal")

@@ -12,11 +12,10 @@ ray x, q'x = -1                       ray v, q'v = -1 (no solution)
 from cython.cimports.libc.math import INFINITY
 
 from namlcp.checks import as_sparse
-from namlcp.lcp.data import LCP
+from namlcp.lcp.data import LCP, Prepared
 from namlcp.lcp.methods import LARGE_LCP, solve_auto
 from namlcp.lcp.pivoting.driver import Attempt
 from namlcp.lcp.pivoting.pivot import ACCURACY
-from namlcp.lcp.prepared import Prepared
 from namlcp.limits import Limits
 from namlcp.linalg.csc import times
 from namlcp.qp.problem import NO_ENTRIES
@@ -59,7 +58,7 @@ def solve_bounds(qp, chain, guess, judge, memory):
         attempt = Attempt(lcp, z0, inner, ask_convex=True)
         attempt.run()
         if attempt.solved and attempt.convex:  # the residuals of the LCP need no check
-            if judge.offer(point_of(qp, chain, attempt.best())) <= 1.0:
+            if judge.offer(point_of(qp, chain, attempt.best_point())) <= 1.0:
                 return judge.answer(Status.SOLVED, attempt.factorisations, FORM)
         outcome, convex = attempt.outcome(), attempt.convex
         if outcome.ray is None:

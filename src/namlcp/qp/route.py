@@ -8,7 +8,7 @@ In the end comes the closest point, if the QP is infeasible and it was asked for
 
 import numpy as np
 
-from namlcp.lcp.prepared import Prepared
+from namlcp.lcp.data import Prepared
 from namlcp.limits import NEVER, Deadline, OutOfTime
 from namlcp.linalg.threads import blas_threads
 from namlcp.options import RELAXATIONS

@@ -4,10 +4,9 @@ import math
 from time import perf_counter
 from typing import Any
 
-from namlcp.lcp.data import lcp_data
+from namlcp.lcp.data import Operator, Prepared, lcp_data
 from namlcp.lcp.methods import find_method, solve_by_method
 from namlcp.lcp.pivoting.pivot import ACCURACY, solve_small
-from namlcp.lcp.prepared import Operator, Prepared
 from namlcp.limits import Deadline, Limits
 from namlcp.options import check_count, check_flag, check_number
 from namlcp.progress import LCP_COLUMNS, Progress

@@ -41,7 +41,7 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
-from namlcp.lcp.data import LCP
+from namlcp.lcp.data import LCP, diagonal_of
 from namlcp.lcp.general.distances import Plain, dense
 from namlcp.lcp.general.search import Search
 from namlcp.lcp.general.tableau import (
@@ -52,8 +52,7 @@ from namlcp.lcp.general.tableau import (
     pivot_until,
     tableau_of,
 )
-from namlcp.lcp.pivoting.rays import proof
-from namlcp.lcp.prepared import diagonal_of
+from namlcp.lcp.pivoting.driver import proof
 from namlcp.limits import Limits
 from namlcp.status import ENDS, Outcome, Status
 

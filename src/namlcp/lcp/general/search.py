@@ -16,7 +16,7 @@ from namlcp.lcp.general.cones import System, system_of
 from namlcp.lcp.general.distances import Distances, Plain
 from namlcp.lcp.general.exact import finish, proximal_steps
 from namlcp.lcp.general.paths import arc, farkas, mehrotra
-from namlcp.lcp.pivoting.rays import proof
+from namlcp.lcp.pivoting.driver import proof
 from namlcp.lcp.shifted import Shifted
 from namlcp.limits import Limits
 from namlcp.status import Outcome, Status

@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy import sparse
 
-from namlcp.lcp.data import LCP
+from namlcp.lcp.data import LCP, diagonal_of
 from namlcp.lcp.loops import (
     INVERSE,
     LOWER,
@@ -34,7 +34,6 @@ from namlcp.lcp.loops import (
     sweep_csr,
     sweep_dense,
 )
-from namlcp.lcp.prepared import diagonal_of
 from namlcp.lcp.shifted import Shifted
 from namlcp.linalg.csc import arrays_of
 from namlcp.linalg.definite import asymmetry
@@ -95,7 +94,7 @@ class Parameters(NamedTuple):
     paper has I), so that they do not depend on the scaling; I for "nam" and
     "modified-nam", or D if alpha or omega is "auto".
 
-    alpha, omega = "auto": chosen during the run, see `adaptive`; omega is then c D.
+    alpha, omega = "auto": chosen during the run, see `AdaptiveStep`; omega is then c D.
     """
 
     alpha: Any = None
@@ -127,37 +126,32 @@ def number(name: str, value: object, interval: str) -> float:
     return x
 
 
-def is_adaptive(method: str, parameters: Parameters) -> bool:
-    """Tell whether alpha or omega is "auto"; raise if either is another string."""
-    interval = "(0, inf)" if method == "modified-nam" else "(0, 2)"
-    wanted = {
-        "omega": "a positive number, an array",
-        "alpha": f"a number in {interval}",
-    }
-    texts = [name for name in wanted if isinstance(getattr(parameters, name), str)]
-    for name in texts:
-        value = getattr(parameters, name)
-        if value != "auto":
-            raise TypeError(f"{name} must be {wanted[name]} or 'auto', got {value!r}")
-    return bool(texts)
-
-
 def checked_parameters(A: Any, method: str, parameters: Parameters) -> Parameters:
-    """Return the parameters checked, with defaults; the diagonals are arrays.
+    """Return the parameters checked, with defaults, also of those that are "auto".
 
-    shift = None: the method has no E.
+    The diagonals are arrays. shift = None: the method has no E.
     """
     chosen, n, ones = SWEEPS[method], A.shape[0], np.ones(A.shape[0])
     alpha, beta, omega, shift = parameters
+    interval = "(0, inf)" if chosen.factored else "(0, 2)"
+    for name, value, wanted in (
+        ("omega", omega, "a positive number, an array"),
+        ("alpha", alpha, f"a number in {interval}"),
+    ):
+        if isinstance(value, str) and value != "auto":
+            raise TypeError(f"{name} must be {wanted} or 'auto', got {value!r}")
+    is_adaptive = isinstance(alpha, str) or isinstance(omega, str)
+    alpha, omega = (None if isinstance(v, str) else v for v in (alpha, omega))
     if chosen.factored:
         if alpha is not None:
-            omega = np.full(n, number("alpha", alpha, "(0, inf)"))
+            omega = np.full(n, number("alpha", alpha, interval))
         elif omega is None and method == "modulus":
             omega = positive_diagonal(A, method)
         omega = diagonal_of("omega", omega, n, ones, positive=True)
-        shift = diagonal_of("shift", shift, n, ones) if chosen.own else None
+        E = positive_diagonal(A, method) if is_adaptive else ones
+        shift = diagonal_of("shift", shift, n, E) if chosen.own else None
         return Parameters(1.0, math.nan, omega, shift)
-    alpha = 1.0 if alpha is None else number("alpha", alpha, "(0, 2)")
+    alpha = 1.0 if alpha is None else number("alpha", alpha, interval)
     if beta is not None:
         beta = number("beta", beta, "[0, 2)")
     else:
@@ -185,10 +179,7 @@ class Step:
 
 
 def fixed_step(lcp: LCP, chosen: Sweep, parameters: Parameters) -> Step | None:
-    """Return a step for checked parameters, None if a factorisation fails.
-
-    parameters.shift is the diagonal of E, None for methods without.
-    """
+    """Return a step for checked parameters, None if a factorisation fails."""
     if chosen.factored:
         return factored_step(lcp, chosen, parameters)
     A, (_, q, lower, upper) = lcp.A, lcp
@@ -196,11 +187,8 @@ def fixed_step(lcp: LCP, chosen: Sweep, parameters: Parameters) -> Step | None:
     vectors = np.empty((6, q.size))
     vectors[OMEGA], vectors[Q] = omega, q
     vectors[LOWER], vectors[UPPER] = lower, upper
-    P = A.diagonal() / alpha
-    P += omega
-    if shift is not None:
-        P += shift
-    np.divide(1.0, P, out=vectors[INVERSE])
+    P = A.diagonal() / alpha + omega + (0.0 if shift is None else shift)
+    vectors[INVERSE] = 1.0 / P
     weights = beta / alpha + chosen.own, chosen.reflected
     if isinstance(A, np.ndarray):
         return Step(omega, partial(sweep_dense, A, vectors, *weights))

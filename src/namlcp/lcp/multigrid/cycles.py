@@ -57,13 +57,12 @@ SHORT_STEP = 0.5
 class LevelLCP:
     """The LCP of one level, its iterate z with w = A z + q, and the parts of a cycle.
 
-    All is in the scaling of the hierarchy; `residual` is Res. `settled`: the last
-    correction met an unchanged face. `full_steps`: short line searches are replaced by
-    full steps.
+    All is in the scaling of the hierarchy; box: lower and upper. `residual`: Res.
+    `free`: mask of the last face since `go_to`. `settled`: the last correction met an
+    unchanged one. `full_steps`: short line searches are replaced by full steps.
     """
 
     def __init__(self, cycle: VCycle, k: int, q: np.ndarray, *box: np.ndarray):
-        """Begin at clip(0); box: lower and upper."""
         self.cycle, self.k, self.q, self.box = cycle, k, q, box
         self.A, self.d = cycle.levels[k].A, cycle.levels[k].d
         self.w, self.r = np.empty((2, q.size))
@@ -72,7 +71,8 @@ class LevelLCP:
     def go_to(self, z: np.ndarray) -> None:
         """Begin anew from clip(z), z being overwritten."""
         self.z = np.clip(z, *self.box, out=z)
-        self.settled, self.full_steps, self.begun = False, True, False
+        self.free: np.ndarray | None = None
+        self.settled, self.full_steps = False, True
         self.evaluate()
 
     def evaluate(self) -> None:
@@ -90,14 +90,13 @@ class LevelLCP:
     def correct(self, goal: float) -> None:
         """Solve on the face, no more accurately than Res <= goal needs, and move."""
         lower, upper = self.box
-        z, w, dinv = self.z, self.w, self.cycle.faces[self.k].dinv
+        z, w = self.z, self.w
         free = (lower < z) & (z < upper)
-        changed = not np.array_equal(free, dinv != 0.0)
-        if changed or not self.begun:
-            np.divide(free, self.d, out=dinv)
+        self.settled = self.free is not None and np.array_equal(free, self.free)
+        if not self.settled:
+            self.free = free
+            np.divide(free, self.d, out=self.cycle.faces[self.k].dinv)
             self.cycle.follow_face(self.k)
-        self.settled = self.begun and not changed
-        self.begun = True
         floor = FACE_GOAL * goal
         r, steps = np.multiply(w, -1.0, out=self.r), SETTLED_FACE_STEPS
         r[~free] = 0.0
@@ -147,8 +146,7 @@ class LevelLCP:
 def solve_by_multigrid(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:
     """Solve the box LCP; iterations are cycles on A itself. Raise if A does not suit.
 
-    z0 is used if it is close to the solution. With MAX_ITER, TIME_LIMIT and STALLED
-    (rounding, or no progress for nonsymmetric A) z is the best point.
+    STALLED: rounding, or no progress for nonsymmetric A.
     """
     hierarchy = hierarchy_of(lcp.matrix, limits.deadline)
     if hierarchy is None:
@@ -168,8 +166,7 @@ def solve_by_multigrid(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outco
 class MultigridSolver:
     """One solve: z, its Res of the problem as given, and scaled to a unit diagonal.
 
-    `least` is the least scaled Res so far, that of the point `best`; `done` the number
-    of cycles on the finest level.
+    `least`: the least scaled Res so far, that of the point `best`; `done`: cycles.
     """
 
     def __init__(self, lcp: LCP, hierarchy: Hierarchy, criterion: Criterion):
@@ -180,9 +177,9 @@ class MultigridSolver:
         self.z, self.w = np.empty((2, lcp.q.size))
 
     def is_solved(self) -> bool:
-        """Look at the iterate, keep the best; tell whether the criterion accepts it.
+        """Keep the best iterate; tell whether the criterion accepts this one.
 
-        That costs a product with A, and is asked where the w of the cycle meets it.
+        A product with A makes sure of it where the w of the cycle meets it.
         """
         lcp, top, criterion = self.lcp, self.top, self.criterion
         z = np.multiply(self.scale, top.z, out=self.z)
@@ -196,7 +193,6 @@ class MultigridSolver:
         return solved
 
     def run(self, z0: np.ndarray | None, limits: Limits) -> Status:
-        """Start from z0 if that is close to the solution, else nested; then cycle."""
         deadline, max_cycles = limits.deadline, limits.max_iter or MAX_CYCLES
         top, goal = self.top, self.criterion.goal
         solved, cold, warm = self.is_solved(), self.residual, False

@@ -25,9 +25,10 @@ import numpy as np
 from scipy import sparse
 from scipy.linalg.blas import daxpy, dnrm2
 
+from namlcp.entries import from_arrays
+from namlcp.lcp.data import Prepared
 from namlcp.lcp.loops import row_sums
 from namlcp.lcp.multigrid.kernels import ascend, descend, free_product, truncate_coarse
-from namlcp.lcp.prepared import Prepared
 from namlcp.limits import NEVER, Deadline
 from namlcp.linalg.csc import arrays_of
 
@@ -62,8 +63,8 @@ SINGULAR_CONDITION = 1e13
 class Level(NamedTuple):
     """One level of a hierarchy; P, R and C lead to the next, empty on the last.
 
-    A : (n, n). diagonal, d : positions and values of its diagonal entries. P : (n, m),
-    interpolation; R = P'; all csr_arrays. C : (m,), index of each coarse unknown.
+    A (n, n). diagonal, d: positions and values of its diagonal entries. P (n, m):
+    interpolation; R = P'; all csr_arrays. C (m,): the coarse unknowns.
     """
 
     A: Any
@@ -79,8 +80,7 @@ class FaceOnLevel(NamedTuple):
 
     A: the matrix of the level, truncated by the faces of the finer levels. dinv (n,):
     1 / a_ii on F, 0 elsewhere. touched (n,): rows of A that differ from the matrix of
-    the level. position (n,): work of `truncate_coarse`, empty while A is the matrix of
-    the level itself.
+    the level. position (n,): work of `truncate_coarse`.
     """
 
     A: Any
@@ -97,31 +97,27 @@ class VCycle:
     """
 
     def __init__(self, levels: list[Level], symmetric: bool):
-        self.levels = levels
-        self.symmetric = symmetric
-        self.faces, self.room = [], []
+        self.levels, self.symmetric = levels, symmetric
+        self.faces: list[FaceOnLevel] = []
+        self.room = []
         for level in levels:  # all unknowns are free
-            touched, position = np.zeros(level.d.size, np.uint8), np.empty(0, np.int32)
-            self.faces.append(FaceOnLevel(level.A, 1.0 / level.d, touched, position))
-            self.room.append(np.empty((ROOM, level.d.size)))
+            A, n = level.A, level.d.size
+            if self.faces:
+                parts = A.indptr, A.indices, A.data.copy()
+                A = from_arrays(parts, A.shape, sparse.csr_array)
+            marks = np.zeros(n, np.uint8), np.zeros(n, np.int32)
+            self.faces.append(FaceOnLevel(A, 1.0 / level.d, *marks))
+            self.room.append(np.empty((ROOM, n)))
         self.invert_coarsest()
 
     def follow_face(self, k: int) -> None:
         """Truncate the levels coarser than k after a change of faces[k].dinv."""
-        for fine in range(k, len(self.levels) - 1):
-            level, coarse = self.levels[fine], self.levels[fine + 1]
-            face, below = self.faces[fine], self.faces[fine + 1]
-            if not below.position.size:  # its matrix is still that of the level
-                position = np.zeros(below.dinv.size, dtype=np.int32)
-                A = sparse.csr_array(coarse.A)  # shares the arrays
-                A.data = A.data.copy()
-                below = below._replace(A=A, position=position)
-                self.faces[fine + 1] = below
-            truncate_coarse(level, face, coarse, below)
+        levels, faces = self.levels, self.faces
+        for j in range(k, len(levels) - 1):
+            truncate_coarse(levels[j], faces[j], levels[j + 1], faces[j + 1])
         self.invert_coarsest()
 
     def invert_coarsest(self) -> None:
-        """Invert the free block of the last level."""
         face = self.faces[-1]
         free = np.flatnonzero(face.dinv)
         self.inverse, block = np.zeros(face.A.shape), np.ix_(free, free)
@@ -140,14 +136,13 @@ class VCycle:
         ascend(A, diagonal, P, dinv, b, correction, x)
 
     def krylov(self, k: int, r: np.ndarray, goal: float, steps: int) -> np.ndarray:
-        """Solve A_FF x = r on the face F of level k; return x, 0 outside F.
+        """Solve A_FF x = r, F on level k, to a residual `goal`; return x, 0 outside F.
 
         x is the cycle's own array, which the next call overwrites, as this one does r.
         Each step makes the residual least along the image of the V-cycle, which is made
-        orthogonal to the image before (Orthomin(1): Vinsome, SPE 5729, 1976). It ends
-        at a residual of at most `goal`, or after `steps` steps. On these matrices it
-        takes as many V-cycles as conjugate gradients, or as BiCGStab where A is not
-        symmetric.
+        orthogonal to the image before (Orthomin(1): Vinsome, SPE 5729, 1976). On these
+        matrices that takes as many V-cycles as conjugate gradients, or as BiCGStab
+        where A is not symmetric.
         """
         A, dinv = self.levels[k].A, self.faces[k].dinv
         x, p, Ap, y, Ay = self.room[k]
@@ -170,7 +165,6 @@ class VCycle:
 
 
 def inverse(B: np.ndarray, symmetric: bool) -> Any:
-    """Return the inverse of a small dense matrix, the pseudo-inverse if singular."""
     try:
         X = np.linalg.inv(B)
         if np.linalg.norm(B) * np.linalg.norm(X) < SINGULAR_CONDITION:
@@ -181,10 +175,7 @@ def inverse(B: np.ndarray, symmetric: bool) -> Any:
 
 
 class Hierarchy(NamedTuple):
-    """Levels of a matrix A, made by `build`; several solves may use them concurrently.
-
-    The first level is S A S, S = diag(scale).
-    """
+    """Levels of A, the first S A S, S = diag(scale); several threads may share them."""
 
     symmetric: bool
     scale: np.ndarray
@@ -203,8 +194,8 @@ class FreeSystem:
     def solve(self, b: np.ndarray, accuracy: float) -> tuple[np.ndarray, bool]:
         """Return x (n,), 0 outside F, and whether |b - A x|_F <= accuracy |b|_F.
 
-        b is (n,); entries outside F are not read. The norm is that of the scaled system
-        of the hierarchy.
+        Entries of b (n,) outside F are not read. The norm is that of the hierarchy's
+        scaling.
         """
         A, scale, free = self.cycle.levels[0].A, self.scale, self.free
         b = np.where(free, scale * b, 0.0)
@@ -232,10 +223,7 @@ def suits(A: Any) -> bool:
 
 
 def hierarchy_of(matrix: Prepared, deadline: Deadline = NEVER) -> Hierarchy | None:
-    """Return the levels of a matrix, which it keeps.
-
-    None: A does not suit, or the deadline came first; then nothing is kept.
-    """
+    """Return the levels, which a matrix keeps; None if it does not suit, or if late."""
     if matrix.levels is None:
         levels = build(sparse.csr_array(matrix.A), matrix.symmetric, deadline)
         if levels is not None or not deadline.reached():
@@ -244,20 +232,16 @@ def hierarchy_of(matrix: Prepared, deadline: Deadline = NEVER) -> Hierarchy | No
 
 
 def build(A: Any, symmetric: bool, deadline: Deadline) -> Hierarchy | None:
-    """Return a hierarchy of A, None if A does not suit or the deadline has passed.
-
-    A is a canonical csr_array; symmetric : A = A', which is not checked.
-    """
+    """Return the levels of a canonical csr_array; None if it does not suit, or late."""
     if not suits(A):
         return None
     scale = scaling(A)
-    fine = A
     if not np.all(scale == 1.0):
         S = sparse.diags_array(scale)
-        fine = sparse.csr_array(S @ A @ S)
+        A = sparse.csr_array(S @ A @ S)
     best, least = None, math.inf
     for second_pass in (False, True):
-        levels = coarsen(fine, symmetric, second_pass, deadline)
+        levels = coarsen(A, symmetric, second_pass, deadline)
         if deadline.reached():
             return None
         rate = math.inf if levels is None else measured_rate(levels, symmetric)
@@ -289,10 +273,7 @@ def scaling(A: Any) -> np.ndarray:
 def coarsen(
     A: Any, symmetric: bool, second_pass: bool, deadline: Deadline
 ) -> list[Level] | None:
-    """Return the levels of A, None after the deadline or where a limit is exceeded.
-
-    Limits: entries of all levels, unknowns of the last one, diagonal entries above 0.
-    """
+    """Return the levels of A, None after the deadline or where it does not suit."""
     levels: list[Level] = []
     entries = MOST_COARSE_ENTRIES * A.nnz
     while entries >= 0 and not deadline.reached():
@@ -348,8 +329,7 @@ def interpolation(
 ) -> tuple[Any, np.ndarray] | None:
     """Return P (n, m), a sorted csr_array, and the coarse unknowns; None if m = 0 or n.
 
-    A : (n, n) csr_array, int32 indices. second_pass : strongly coupled fine unknowns
-    must have a coarse neighbour in common.
+    second_pass: strongly coupled fine unknowns must have a coarse neighbour in common.
     """
     from pyamg import amg_core  # a slow import
 
@@ -389,12 +369,10 @@ def strong(A: Any) -> Any:
     """Return the strong couplings of A, with their values, as a csr_array."""
     from pyamg import amg_core
 
-    n, parts = A.shape[0], arrays_of(A)
-    indptr, indices, data = (np.empty_like(part) for part in parts)
-    amg_core.classical_strength_of_connection_min(
-        n, THETA, *parts, indptr, indices, data
-    )
-    S = sparse.csr_array((data, indices, indptr), shape=(n, n))
+    parts = arrays_of(A)
+    found = indptr, indices, data = [np.empty_like(part) for part in parts]
+    amg_core.classical_strength_of_connection_min(A.shape[0], THETA, *parts, *found)
+    S = sparse.csr_array((data, indices, indptr), shape=A.shape)
     S.data[S.data > 0.0] = 0.0  # the diagonal and positive couplings
     S.eliminate_zeros()
     return S

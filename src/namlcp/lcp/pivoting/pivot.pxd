@@ -23,7 +23,7 @@ cdef enum:
 
 cdef double SWEEP_RELAXATION, RHO, EXACT_RESIDUAL, START_MARGIN
 cdef double SYMMETRY_ROUNDING
-cdef object SOLVED, NAME
+cdef object SOLVED
 
 cpdef int pivot(Pivoting m) except -1
 cdef int advance(Pivoting m) noexcept nogil

@@ -21,7 +21,6 @@ from cython.cimports.namlcp.lcp.loops import MOST_SMALL, affine_at, are_ordinary
 from cython.cimports.namlcp.lcp.pivoting.state import (
     Pivoting,
     allocate,
-    best_point,
     factor_free,
     is_definite,
     solve_free,
@@ -45,9 +44,7 @@ cnp.import_array()
 
 # Default eps_rel.
 ACCURACY = 1e-9
-SOLVED, NAME = Status.SOLVED, "pivoting"
-SYMMETRY_ROUNDING = definite.SYMMETRY_ROUNDING
-
+SOLVED, SYMMETRY_ROUNDING = Status.SOLVED, definite.SYMMETRY_ROUNDING
 # FIRST_SWEEPS: first sweeps at most; STILL_SWEEPS: sweeps in a row without a change of
 # state that end them. BLOCK_STEPS: changes of states without fewer wrong signs until
 # block pivoting is given up. OUTER_STEPS: proximal steps at most. EARLY_STEPS, FEW,
@@ -69,9 +66,8 @@ START_MARGIN = 0.01
 def pivot(m):
     """Solve from the start in z, and return why that ended.
 
-    `best` is then the best z of the scaled problem. With ask_convex, m.convex tells
-    once the problem is solved whether `is_definite`: at one more factorisation, of what
-    the others have not shown to be so.
+    With ask_convex, m.convex tells once the problem is solved whether `is_definite`: at
+    one more factorisation, of what the others have not shown to be so.
     """
     code: cython.int
     with cython.nogil:
@@ -127,7 +123,6 @@ def advance(m):
 
 
 def begin_pivoting(m):
-    """Scale the problem, measure clip(0), sweep from the user's z."""
     n, z, w, lower, upper = m.n, m.own_z, m.w, m.lower, m.upper
     scale_problem(m)
     m.best_residual = INFINITY
@@ -234,13 +229,12 @@ def write_w(m, w):
             add_column(m, j, m.own_z[j], w)
 
 
-def state_of(s, lower, upper):
-    """Return the state of an unknown with s = z - w."""
+def state_of(s, lower, upper):  # s = z - w
     return -1 if s <= lower else (1 if s >= upper else 0)
 
 
 def record(m):
-    """Copy z to best if its Res is the least; return whether that fell to a quarter."""
+    """Copy z to best if its Res is the least; tell whether that fell to a quarter."""
     scaled, plain = both_residuals(m.own_z, m.w, m.lower, m.upper, m.root, m.n)
     improved: cython.bint = scaled < 0.25 * m.best_residual
     if scaled < m.best_residual:
@@ -251,7 +245,6 @@ def record(m):
 
 
 def meets(m, margin):
-    """Tell whether the best z meets the tolerances times a margin."""
     eps_abs, eps_rel = margin * m.eps_abs, margin * m.eps_rel
     return are_met(eps_abs, eps_rel, m.size, m.best_plain, m.best_residual)
 
@@ -260,7 +253,6 @@ def meets(m, margin):
 
 
 def set_right_side(m):
-    """Write the bounds of bounded unknowns to z, and the right-hand side to rhs."""
     z, rhs = m.own_z, m.own_rhs
     for i in range(m.n):
         z[i] = 0.0
@@ -272,10 +264,6 @@ def set_right_side(m):
 
 
 def use_solution(m):
-    """Change wrong states at the solution z, or end the outer step.
-
-    Halt if the wrong signs do not get fewer.
-    """
     clip_rounding(m)
     write_w(m, m.w)
     for i in range(m.n):
@@ -341,7 +329,6 @@ def set_goals(m):
 
 
 def reset_patience(m, rho):
-    """Forget the fewest wrong signs, and set rho."""
     m.fewest_wrong = m.n + 1
     m.patience = BLOCK_STEPS
     if rho != m.rho:
@@ -399,8 +386,9 @@ def solve_small(kind, begun, given, A, q, lower, upper, start, stamp):
     m.values = data_of(m.given)
     allocate(m)
     copy(data_of(q), m.q, n)
-    low, high = bound(lower, 0.0, m.lower, n), bound(upper, INFINITY, m.upper, n)
-    if not are_ordinary(m.q, low, high, n):
+    m.low = bound(lower, 0.0, m.lower, n)
+    m.high = bound(upper, INFINITY, m.upper, n)
+    if not are_ordinary(m.q, m.low, m.high, n):
         return None
     if start is not None:
         copy(data_of(start), m.own_z, n)
@@ -410,24 +398,24 @@ def solve_small(kind, begun, given, A, q, lower, upper, start, stamp):
         code = advance(m)
     if code != DONE:
         return None
-    z, w, s = best_point(m, low, high), new_vector(n), new_vector(n)
+    z, w, s = m.best_point(), new_vector(n), new_vector(n)
     at_z, at_w, at_s = data_of(z), data_of(w), data_of(s)
     affine_at(values, at_z, data_of(q), at_w, n)
     for i in range(n):
         m.y[i] = 1.0 / m.root[i]
         slope = values[i * (n + 1)]
         at_s[i] = at_z[i] - at_w[i] / (slope if slope > 0.0 else 1.0)
-    residual, scaled = both_residuals(at_z, at_w, low, high, m.y, n)
+    residual, scaled = both_residuals(at_z, at_w, m.low, m.high, m.y, n)
     if not are_met(0.0, ACCURACY, m.size, residual, scaled):
         return None
     if residual != 0.0 and not 1e-100 < residual < 1e100:
         return None  # sums of squares have left the range
     total: cython.ulonglong = hash_of(values, n * n, 0) if stamp is None else stamp
-    total = hash_of(high, n, hash_of(low, n, hash_of(data_of(q), n, total)))
+    total = hash_of(m.high, n, hash_of(m.low, n, hash_of(data_of(q), n, total)))
     result: LCPResultBase = made(kind)
     result.status, result.z, result.w, result.s = SOLVED, z, w, s
-    result.iterations, result.residual, result.method = m.factorisations, residual, NAME
-    result.message, result.stamp = "", total
+    result.iterations, result.residual = m.factorisations, residual
+    result.method, result.message, result.stamp = "pivoting", "", total
     result.problem = given, bool(m.symmetric), q, lower, upper
     result.solve_time = perf_counter() - begun
     return result

@@ -14,7 +14,9 @@ cdef class Pivoting(Watched):
         const int *indices
         const double *values
         double *scaled
-        # The scaled problem; `root` is the diagonal of D, the matrix is D A D.
+        # The user's bounds; the scaled problem, with the matrix D A D, D = diag(root).
+        const double *low
+        const double *high
         double *q
         double *lower
         double *upper
@@ -28,7 +30,7 @@ cdef class Pivoting(Watched):
         double *own_rhs
         double shift
         # -1 at the lower bound, 1 at the upper one, 0 free; the same as the signs of z
-        # and w ask for it; 1 where a_ii > 0, elsewhere d = 1. Whether all are 1.
+        # and w ask for it; 1 where a_ii > 0, elsewhere d = 1; whether all are 1.
         int *side
         int *goal
         int *unit
@@ -38,8 +40,8 @@ cdef class Pivoting(Watched):
         bint is_ordered
         # The free system: its `count` unknowns, their positions, -1 for others, between
         # two uses for all. It is factored by L D L' if is_sparse: the elimination tree,
-        # the entries in each column of L; in `factor`, D, the columns' first entries and
-        # ends, values and rows. Otherwise `factor` is dense, with pivots of LU.
+        # the entries in each column of L; in `factor`, D, the columns' first entries,
+        # values and rows. Otherwise `factor` is dense, with pivots of LU.
         int *order
         int *local
         Py_ssize_t count
@@ -53,7 +55,6 @@ cdef class Pivoting(Watched):
         double *D
         double *L
         Py_ssize_t *starts
-        Py_ssize_t *ends
         int *rows
         # Work space.
         double *y
@@ -84,7 +85,6 @@ cdef class Pivoting(Watched):
 cdef double* reals(Pivoting m, Py_ssize_t count) noexcept nogil
 cdef int* flags(Pivoting m, Py_ssize_t count) noexcept nogil
 cdef int allocate(Pivoting m) except -1
-cdef object best_point(Pivoting m, const double* lower, const double* upper)
 cdef bint factor_free(Pivoting m, double shift) noexcept nogil
 cdef void solve_free(Pivoting m) noexcept nogil
 cdef void set_order(Pivoting m) noexcept nogil

@@ -2,9 +2,9 @@
 
 "Scaled" refers to the problem with a unit diagonal. F is the set of free unknowns,
 state 0. Sparse symmetric systems are factored by L D L' where that takes less time, all
-others by dense Cholesky or LU. L D L' is row by row, as in `sparse_ldl`, but read from
-the columns of the whole matrix. An elimination order of the whole matrix, restricted to
-a submatrix, causes no more fill there than in the matrix: one order serves all.
+others by dense Cholesky or LU. L D L' is row by row, read from the columns of the whole
+matrix. An elimination order of the whole matrix, restricted to a submatrix, causes no
+more fill there than in the matrix: one order serves all.
 """
 
 import cython
@@ -17,10 +17,10 @@ from cython.cimports.namlcp.linalg.blas import cholesky, cholesky_solve, lu, lu_
 from cython.cimports.namlcp.linalg.ordering import order_by_degree
 from cython.cimports.namlcp.linalg.vectors import copy, fill
 
-from namlcp.lcp import prepared
+from namlcp.lcp import data
 from namlcp.linalg import definite
 
-SMALL_ORDER, PSD_SLACK = prepared.SMALL_ORDER, definite.PSD_SLACK
+SMALL_ORDER, PSD_SLACK = data.SMALL_ORDER, definite.PSD_SLACK
 
 # Added to the unit diagonal where Cholesky fails, so that a singular A_FF succeeds.
 JITTER = 1e-11
@@ -33,16 +33,16 @@ CALL, DENSE_SPEED = 5000.0, 10.0
 
 
 class Pivoting(Watched):
-    """A box LCP and the state of `pivot`; `driver.Attempt` has what is in Python."""
+    """A box LCP and the state of `pivot`; `driver.Attempt` has what is in Python.
+
+    columns: those of A, as `Prepared` has them; vectors: q, the bounds, and the start,
+    which may be empty; until: a value of time.perf_counter().
+    """
 
     def __init__(self, columns, vectors, symmetric, until):
-        """Take the user's matrix, by its columns, and copy (q, lower, upper, z).
-
-        z, the start, may be empty; until: a value of time.perf_counter().
-        """
         q, lower, upper, start = vectors
         n: cython.Py_ssize_t = q.size
-        self.n, self.symmetric, self.given = n, symmetric, columns
+        self.n, self.symmetric, self.given = n, symmetric, (columns, vectors)
         self.is_dense = not isinstance(columns, tuple)
         begin_watch(self, until)
         if self.is_dense:
@@ -55,17 +55,23 @@ class Pivoting(Watched):
             self.indptr = places(indptr, n + 1)
             self.indices = places(indices, self.entries)
         allocate(self)
+        self.low, self.high = numbers(lower, n), numbers(upper, n)
         copy(numbers(q, n), self.q, n)
-        copy(numbers(lower, n), self.lower, n)
-        copy(numbers(upper, n), self.upper, n)
+        copy(self.low, self.lower, n)
+        copy(self.high, self.upper, n)
         if start.size:
             copy(numbers(start, n), self.own_z, n)
 
     def __dealloc__(self):
         free(self.factor)
 
-    def best_between(self, lower, upper):
-        return best_point(self, numbers(lower, self.n), numbers(upper, self.n))
+    def best_point(self):
+        """Return the best z so far, in the caller's scaling and between his bounds."""
+        point = new_vector(self.n)
+        z = data_of(point)
+        for i in range(self.n):
+            z[i] = min(max(self.best[i] * self.root[i], self.low[i]), self.high[i])
+        return point
 
     def vector(self, k):
         """Return a view of vector k as `allocate` lays them out."""
@@ -103,15 +109,6 @@ def allocate(m):
     for i in range(n):
         m.local[i] = -1
     return 0
-
-
-def best_point(m, lower, upper):
-    """Return the best z so far, in the caller's scaling, between these bounds."""
-    point = new_vector(m.n)
-    z = data_of(point)
-    for i in range(m.n):
-        z[i] = min(max(m.best[i] * m.root[i], lower[i]), upper[i])
-    return point
 
 
 # ---- the free system
@@ -183,7 +180,7 @@ def plan(m):
     if m.is_sparse:
         for k in range(count):
             entries += m.counts[k]
-        size = 24.0 * (count + 1) + 12.0 * entries
+        size = 16.0 * (count + 1) + 12.0 * entries
     wanted = cython.cast(cython.size_t, size)
     if wanted > m.factor_size:
         free(m.factor)
@@ -196,8 +193,7 @@ def plan(m):
     m.dense = m.D = cython.cast(cython.p_double, m.factor)
     if m.is_sparse:
         m.starts = cython.cast(cython.p_Py_ssize_t, m.D + count)
-        m.ends = m.starts + count + 1
-        m.L = cython.cast(cython.p_double, m.ends + count)
+        m.L = cython.cast(cython.p_double, m.starts + count + 1)
         m.rows = cython.cast(cython.p_int, m.L + entries)
         m.starts[0] = 0
         for k in range(count):
@@ -270,12 +266,12 @@ def analyse(m):
 
 def factor_sparse(m):
     """Factor, with pivots below `PIVOT_FLOOR` raised to it; return the smallest one."""
-    y, ends, rows, values, D = m.y, m.ends, m.rows, m.L, m.D
+    y, rows, values, D, starts = m.y, m.rows, m.L, m.D, m.starts
     local, parent, pattern, flag = m.local, m.parent, m.pattern, m.flag
-    count = m.count
+    count, filled = m.count, m.counts  # entries that the columns have so far
     for k in range(count):
         y[k] = 0.0
-        ends[k] = m.starts[k]
+        filled[k] = 0
     smallest: cython.double = INFINITY
     for k in range(count):
         flag[k] = k
@@ -304,13 +300,14 @@ def factor_sparse(m):
             i = pattern[t]
             y_i = y[i]
             y[i] = 0.0
-            for p in range(m.starts[i], ends[i]):
+            end = starts[i] + filled[i]
+            for p in range(starts[i], end):
                 y[rows[p]] -= values[p] * y_i
             l_ki = y_i / D[i]
             pivot -= l_ki * y_i
-            rows[ends[i]] = k
-            values[ends[i]] = l_ki
-            ends[i] += 1
+            rows[end] = k
+            values[end] = l_ki
+            filled[i] += 1
         smallest = min(smallest, pivot)
         D[k] = max(pivot, PIVOT_FLOOR)
     return smallest
@@ -334,7 +331,7 @@ def solve_sparse(m, x):
 
 
 def is_definite(m):
-    """Tell whether A + `PSD_SLACK` I is positive definite; False where an a_ii <= 0."""
+    """Tell whether A + PSD_SLACK I is positive definite; False where an a_ii <= 0."""
     if not m.has_unit:
         return False
     for i in range(m.n):
