@@ -1,4 +1,14 @@
-from namlcp.qp.active.engine cimport ActiveSet, Code
+from namlcp.linalg.blas cimport cholesky, gram, invert_lower, times_lower
+from namlcp.linalg.dense cimport add_times_transposed, factor_in_place, invert_triangle
+from namlcp.linalg.dense cimport times_rows, times_triangle, times_triangle_transposed
+from namlcp.linalg.vectors cimport add_scaled, copy, dot, fill, largest_entry
+from namlcp.qp.active.engine cimport ActiveSet, Code, CONTRADICTION, STUCK, UNBOUNDED, UNPROVED
+from namlcp.qp.active.engine cimport UNSUITED, claim_place, forget_responses, forget_rows
+from namlcp.qp.active.engine cimport lay_out_rows, reals, set_base_values
+from namlcp.qp.active.rounds cimport NO_WEIGHT, RHO, is_faulty, refine_contradiction
+from namlcp.qp.active.rounds cimport set_shape, solve_at_hand, wanted_rho
+from namlcp.qp.certificates cimport Claim, prove_infeasible, prove_unbounded
+from namlcp.qp.kkt cimport Matrix
 
 
 cdef class DenseActiveSet(ActiveSet):

@@ -17,55 +17,6 @@ In place of a P without a good factor is P + W, with W, and the QP is solved as 
 import cython
 from cython import Py_ssize_t
 from cython.cimports.libc.math import INFINITY, NAN, fabs, sqrt
-from cython.cimports.namlcp.linalg.blas import (
-    cholesky,
-    gram,
-    invert_lower,
-    times_lower,
-)
-from cython.cimports.namlcp.linalg.dense import (
-    add_times_transposed,
-    factor_in_place,
-    invert_triangle,
-    times_rows,
-    times_triangle,
-    times_triangle_transposed,
-)
-from cython.cimports.namlcp.linalg.vectors import (
-    add_scaled,
-    copy,
-    dot,
-    fill,
-    largest_entry,
-)
-from cython.cimports.namlcp.qp.active.engine import (
-    CONTRADICTION,
-    STUCK,
-    UNBOUNDED,
-    UNPROVED,
-    UNSUITED,
-    claim_place,
-    forget_responses,
-    forget_rows,
-    lay_out_rows,
-    reals,
-    set_base_values,
-)
-from cython.cimports.namlcp.qp.active.rounds import (
-    NO_WEIGHT,
-    RHO,
-    is_faulty,
-    refine_contradiction,
-    set_shape,
-    solve_at_hand,
-    wanted_rho,
-)
-from cython.cimports.namlcp.qp.certificates import (
-    Claim,
-    Matrix,
-    prove_infeasible,
-    prove_unbounded,
-)
 
 from namlcp.linalg import definite
 

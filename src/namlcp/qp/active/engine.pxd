@@ -1,5 +1,8 @@
-from namlcp.result_base cimport Numbers
-from namlcp.limits cimport Watched
+from namlcp.limits cimport Watched, is_over
+from namlcp.linalg.dense cimport append_to_triangle, remove_from_triangle
+from namlcp.linalg.dense cimport triangle_solve, triangle_solve_transposed
+from namlcp.linalg.vectors cimport add_four, add_scaled, copy, dot, fill
+from namlcp.measure cimport Numbers
 
 cdef double DEPENDENT, DEPENDENT_HINT, VIOLATION_ROUNDING, NOISE, MOST_ROUNDING
 cdef double ROUND_ROUNDING, MOST_ROUND_ROUNDING, BASE_ROUNDING

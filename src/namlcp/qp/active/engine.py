@@ -26,14 +26,6 @@ import cython
 from cython import Py_ssize_t
 from cython.cimports.libc.math import INFINITY, fabs, isinf, sqrt
 from cython.cimports.libc.stdlib import free, malloc
-from cython.cimports.namlcp.limits import Watched, is_over
-from cython.cimports.namlcp.linalg.dense import (
-    append_to_triangle,
-    remove_from_triangle,
-    triangle_solve,
-    triangle_solve_transposed,
-)
-from cython.cimports.namlcp.linalg.vectors import add_four, add_scaled, copy, dot, fill
 
 # A row depends on the active ones if the squared length of its part orthogonal to them,
 # in the metric of the responses, over its own is at most DEPENDENT; for rows of a hint,

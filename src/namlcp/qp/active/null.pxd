@@ -1,4 +1,9 @@
-from namlcp.qp.active.dense cimport DenseActiveSet
+from namlcp.linalg.dense cimport append_to_triangle, remove_from_triangle, times_rows
+from namlcp.linalg.dense cimport triangle_solve, triangle_solve_transposed
+from namlcp.linalg.vectors cimport add_scaled, copy, dot, fill
+from namlcp.qp.active.dense cimport DenseActiveSet, set_unit_load, solve_dense
+from namlcp.qp.active.engine cimport DEPENDENT, DONE, MOST_SORTED, STUCK, goal_of
+from namlcp.qp.active.engine cimport indices, insert_place, reals, remove_place
 
 cdef enum:
     LEAST_FREE = 32

@@ -23,30 +23,6 @@ responses has to solve the QP: code STUCK.
 import cython
 from cython import Py_ssize_t
 from cython.cimports.libc.math import isinf, sqrt
-from cython.cimports.namlcp.linalg.dense import (
-    append_to_triangle,
-    remove_from_triangle,
-    times_rows,
-    triangle_solve,
-    triangle_solve_transposed,
-)
-from cython.cimports.namlcp.linalg.vectors import add_scaled, copy, dot, fill
-from cython.cimports.namlcp.qp.active.dense import (
-    DenseActiveSet,
-    set_unit_load,
-    solve_dense,
-)
-from cython.cimports.namlcp.qp.active.engine import (
-    DEPENDENT,
-    DONE,
-    MOST_SORTED,
-    STUCK,
-    goal_of,
-    indices,
-    insert_place,
-    reals,
-    remove_place,
-)
 
 # LEAST_FREE: least variables for which this form gains anything.
 

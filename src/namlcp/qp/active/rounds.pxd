@@ -1,4 +1,10 @@
-from namlcp.qp.active.engine cimport ActiveSet, Code
+from namlcp.box cimport clip
+from namlcp.linalg.vectors cimport add_scaled, copy, dot, fill, largest_entry
+from namlcp.measure cimport Terms, measure
+from namlcp.qp.active.engine cimport ActiveSet, Code, CONTRADICTION, DONE, LATE, MOVED, STUCK
+from namlcp.qp.active.engine cimport SUMMED, UNBOUNDED, ROUND_ROUNDING, VIOLATION_ROUNDING
+from namlcp.qp.active.engine cimport drop_wrong_signs, goal_of, is_pinned, pivot
+from namlcp.qp.active.engine cimport set_base_values, size_of, subtract_active
 
 cdef double WRONG, RHO, NO_WEIGHT, LEAST_SHAPE, LEAST_CURVATURE
 cdef double EXACT, GOOD, FLAT, NEARLY_EXACT, CANCELLED, TINY, ON_FACE, OPEN
@@ -24,7 +30,7 @@ cdef void set_shape(ActiveSet m) noexcept nogil
 cdef double wanted_rho(ActiveSet m) noexcept nogil
 cdef void set_point(ActiveSet m) noexcept nogil
 cdef bint clip_point(ActiveSet m) noexcept nogil
-cdef double measure(ActiveSet m) noexcept nogil
+cdef double measure_point(ActiveSet m) noexcept nogil
 cdef bint are_within(ActiveSet m, double rounding) noexcept nogil
 cdef Code verdict(ActiveSet m) noexcept nogil
 cdef void set_correction(ActiveSet m) noexcept nogil

@@ -42,34 +42,6 @@ are those in the scaled variables, too.
 
 import cython
 from cython.cimports.libc.math import INFINITY, exp, fabs, floor, log, sqrt
-from cython.cimports.namlcp.box import clip
-from cython.cimports.namlcp.linalg.vectors import (
-    add_scaled,
-    copy,
-    dot,
-    fill,
-    largest_entry,
-)
-from cython.cimports.namlcp.measure import Terms
-from cython.cimports.namlcp.measure import measure as measure_terms
-from cython.cimports.namlcp.qp.active.engine import (
-    CONTRADICTION,
-    DONE,
-    LATE,
-    MOVED,
-    ROUND_ROUNDING,
-    STUCK,
-    SUMMED,
-    UNBOUNDED,
-    VIOLATION_ROUNDING,
-    drop_wrong_signs,
-    goal_of,
-    is_pinned,
-    pivot,
-    set_base_values,
-    size_of,
-    subtract_active,
-)
 
 from namlcp import checks
 
@@ -180,7 +152,7 @@ def settle(m):
     """Take multipliers of the right signs, at a point whose products are at hand."""
     if clip_point(m):
         m.set_products(False)
-    measure(m)
+    measure_point(m)
     is_rough: cython.bint = m.found.dual > WRONG * m.found.dual_size
     if is_rough and m.retries > 0 and are_within(m, 0.0):
         m.retries -= 1
@@ -219,7 +191,7 @@ def clip_point(m):
     return was_out
 
 
-def measure(m):
+def measure_point(m):
     """Set z_box to minus the gradient at active bounds; measure a point with products.
 
     Returns the largest residual over its terms, with the active rows as equations.
@@ -241,7 +213,7 @@ def measure(m):
     t.x, t.y, t.z, t.z_box = m.x, m.y, m.z, m.z_box
     t.Px, t.Gx, t.Ax, t.Gtz, t.Aty = m.Px, m.Gx, m.Ax, m.Gtz, m.Aty
     found = cython.address(m.found)
-    measure_terms(cython.address(t), found)
+    measure(cython.address(t), found)
     return max(
         max(primal, found.primal) / max(found.primal_size, LEAST_DIVISOR),
         found.dual / max(found.dual_size, LEAST_DIVISOR),
@@ -307,7 +279,7 @@ def judge(m, found):
     while True:
         set_point(m)
         m.set_products(not clip_point(m) and m.k == 0 and m.pivots == 0)
-        before, error = error, measure(m)
+        before, error = error, measure_point(m)
         if found == LATE:
             return LATE
         is_fine: cython.bint = error <= ACCURATE and are_within(m, ROUNDING)

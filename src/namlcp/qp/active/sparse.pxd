@@ -1,6 +1,10 @@
-from namlcp.linalg.csc cimport Columns
+from namlcp.linalg.arrays cimport data_of, numbers, places
+from namlcp.linalg.csc cimport Columns, columns_times_transposed, take_columns
 from namlcp.linalg.sparse_ldl cimport SparseFactors
-from namlcp.qp.active.engine cimport ActiveSet
+from namlcp.linalg.vectors cimport add_scaled, copy, fill, largest_entry
+from namlcp.qp.active.engine cimport ActiveSet, UNSUITED, claim_place, forget_responses
+from namlcp.qp.active.engine cimport lay_out_rows, make_room, reals
+from namlcp.qp.active.rounds cimport is_faulty, set_shape, solve_at_hand, wanted_rho
 
 
 cdef class SparseActiveSet(ActiveSet):

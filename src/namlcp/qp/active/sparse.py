@@ -17,24 +17,6 @@ import cython
 import numpy as np
 from cython import Py_ssize_t
 from cython.cimports.libc.math import INFINITY, cos, fabs, sqrt
-from cython.cimports.namlcp.linalg.arrays import data_of, numbers, places
-from cython.cimports.namlcp.linalg.csc import columns_times_transposed, take_columns
-from cython.cimports.namlcp.linalg.sparse_ldl import SparseFactors
-from cython.cimports.namlcp.linalg.vectors import add_scaled, copy, fill, largest_entry
-from cython.cimports.namlcp.qp.active.engine import (
-    UNSUITED,
-    claim_place,
-    forget_responses,
-    lay_out_rows,
-    make_room,
-    reals,
-)
-from cython.cimports.namlcp.qp.active.rounds import (
-    is_faulty,
-    set_shape,
-    solve_at_hand,
-    wanted_rho,
-)
 from scipy.sparse import csr_array
 
 from namlcp.linalg.csc import by_rows
