@@ -5,7 +5,6 @@ from namlcp.measure cimport Numbers
 from namlcp.qp.active.dense cimport DenseActiveSet
 from namlcp.qp.active.engine cimport ActiveSet, CONTRADICTION, DONE, LATE, SUMMED, UNBOUNDED
 from namlcp.qp.active.engine cimport forget_rows, make_room
-from namlcp.qp.active.null cimport NullSpace
 from namlcp.qp.active.rounds cimport NO_WEIGHT
 from namlcp.qp.active.sparse cimport SparseActiveSet
 from namlcp.qp.intake cimport is_finite, is_side, stamp_of

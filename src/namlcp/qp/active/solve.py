@@ -273,14 +273,14 @@ def answer_of(m: ActiveSet, judge, chain):
 
 
 def kept_for(qp):
-    """Return a `NullSpace` or `SparseActiveSet` for these matrices, which it holds.
+    """Return a `DenseActiveSet` or `SparseActiveSet` for these matrices, which it holds.
 
     None where they are sparse, and so large or full that other methods are quicker.
     """
     n, p = qp.q.size, qp.b.size
     if not qp.is_dense and (p > n or n + qp.h.size + p > MOST_LENGTH):
         return None
-    m = NullSpace() if qp.is_dense else SparseActiveSet()
+    m = DenseActiveSet() if qp.is_dense else SparseActiveSet()
     renew(m, qp)
     return m if qp.is_dense or m.is_ready else None
 
@@ -432,7 +432,6 @@ def solve_items(
         out[k] = data_of(outs[k])
     code = cython.cast(cython.p_longlong, cnp.PyArray_DATA(codes))
     count = cython.cast(cython.p_longlong, cnp.PyArray_DATA(iterations))
-    m.is_single = True
     take_settings(m, settings, INFINITY)
     with cython.nogil:
         for i in range(first, end):
@@ -457,16 +456,13 @@ def factors_of(m: DenseActiveSet):
 
     That is a copy, unless nobody will solve with m any more.
     """
-    is_on_face: cython.bint = (
-        isinstance(m, NullSpace) and cython.cast(NullSpace, m).face_is_kept
-    )
-    if m.rho != 0.0 or is_on_face:
+    if m.rho != 0.0 or m.face_is_kept:
         return None
     if m.is_single:
         return m
     other: DenseActiveSet = DenseActiveSet.__new__(DenseActiveSet)
     P, G, A = m.matrices
-    attach(other, P, G, A, False)
+    attach(other, P, G, A, True)
     memcpy(other.memory, m.memory, other.memory_end)  # the layout of m begins like that
     other.k, other.skipped = m.k, m.skipped
     return other
