@@ -9,7 +9,7 @@ from namlcp.qp.active.engine cimport UNPROVED, UNSUITED, DEPENDENT, MOST_SORTED
 from namlcp.qp.active.engine cimport claim_place, forget_responses, forget_rows, goal_of
 from namlcp.qp.active.engine cimport indices, insert_place, lay_out_rows, reals, remove_place
 from namlcp.qp.active.engine cimport set_base_values
-from namlcp.qp.active.rounds cimport NO_WEIGHT, RHO, is_faulty, refine_contradiction
+from namlcp.qp.active.rounds cimport NO_WEIGHT, RHO, is_fit, refine_contradiction
 from namlcp.qp.active.rounds cimport set_shape, solve_at_hand, wanted_rho
 from namlcp.qp.certificates cimport Claim, prove_infeasible, prove_unbounded
 from namlcp.qp.kkt cimport Matrix
@@ -46,7 +46,6 @@ cdef enum:
     MANY = 8
     LEAST_FREE = 32
 
-cdef bint set_up(DenseActiveSet m) noexcept nogil
 cdef bint is_sound(DenseActiveSet m) noexcept nogil
 cdef double copy_cost(DenseActiveSet m, double slack) noexcept nogil
 cdef bint has_factor(DenseActiveSet m) noexcept nogil

@@ -68,15 +68,16 @@ class DenseActiveSet(ActiveSet):
         self.factor, self.equations = reals(self, n * n), reals(self, p * n)
         self.schur, self.schur_work = reals(self, p * p), reals(self, p)
         self.half, self.no_bound = reals(self, n), reals(self, 2 * n)
-        has_face: cython.bint = not self.is_single and LEAST_FREE <= n <= self.most + p
-        count = min(2 * n // 3, self.most) if has_face else 0
+        self.most_free, self.is_free, self.face_is_kept = 0, False, False
+        if self.is_single or not LEAST_FREE <= n <= self.most + p:
+            return
+        self.most_free = count = min(2 * n // 3, self.most)
         triangle = count * (count + 1) // 2
         self.free, self.free_triangle = indices(self, count), reals(self, triangle)
         self.held_rows = reals(self, count * count)
         self.held_triangle = reals(self, triangle)
         self.free_part, self.held_part = reals(self, count), reals(self, count)
         self.load, self.slope = reals(self, n), reals(self, n + p)
-        self.most_free, self.is_free, self.face_is_kept = count, False, False
 
     def set_values(self, rhs, values):
         n, p, half = self.n, self.p, self.half
@@ -146,6 +147,22 @@ class DenseActiveSet(ActiveSet):
         found = solve_dense(self)
         self.wanted, self.is_ready = 0.0, False  # for the next QP
         return found
+
+    def set_up(self):
+        """Factor P, or P + W, which m.wanted > 0 asks for, and what depends on that."""
+        self.is_ready = False
+        if self.p > MOST_EQUATIONS * (self.n + 2) or not is_sound(self):
+            return False
+        self.rho, self.skipped = 0.0, 0
+        is_plain: cython.bint = self.wanted <= 0.0 and factor_cost(self)
+        if not is_plain and (self.wanted == NO_WEIGHT or not factor_weighted(self)):
+            return False
+        forget_responses(self)
+        invert_factor(self)
+        if self.is_large and self.is_single and self.rho == 0.0:
+            prepare(self)
+        self.is_ready = True
+        return True
 
     def times_cost(self, x, Px):
         if not self.on_face:
@@ -250,22 +267,6 @@ class DenseActiveSet(ActiveSet):
 
 
 # ---- the factors
-
-
-def set_up(m):
-    """Factor P, or what takes its place; False where the matrices do not allow it.
-
-    m.wanted > 0 asks for P + W.
-    """
-    if m.p > MOST_EQUATIONS * (m.n + 2) or not is_sound(m):
-        return False
-    m.rho, m.skipped = 0.0, 0
-    is_plain: cython.bint = m.wanted <= 0.0 and factor_cost(m)
-    if not is_plain and (m.wanted == NO_WEIGHT or not factor_weighted(m)):
-        return False
-    forget_responses(m)
-    invert_factor(m)
-    return True
 
 
 def is_sound(m):
@@ -426,16 +427,7 @@ def prepare(m):
 
 
 def solve_dense(m):
-    m.pivots = 0
-    if is_faulty(m):
-        return UNSUITED
-    if not m.is_ready:
-        if not set_up(m):
-            return UNSUITED
-        m.is_ready = True
-        if m.is_large and m.is_single and m.rho == 0.0:
-            prepare(m)
-    if m.rho != 0.0 and m.rho != wanted_rho(m) and not set_up(m):
+    if not is_fit(m):
         return UNSUITED
     if m.skipped > 0 and contradicts_equations(m):
         return proved(m, CONTRADICTION)

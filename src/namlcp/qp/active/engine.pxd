@@ -86,6 +86,7 @@ cdef class ActiveSet(Watched):
 
     cdef void lay_out(self) noexcept nogil
     cdef Code decide(self) noexcept nogil
+    cdef bint set_up(self) noexcept nogil
     cdef void set_values(self, const double* rhs, double* values) noexcept nogil
     cdef void make_response(self, Py_ssize_t row) noexcept nogil
     cdef void set_products(self, bint is_base) noexcept nogil
@@ -110,7 +111,6 @@ cdef double* claim_place(ActiveSet m, Py_ssize_t row) noexcept nogil
 cdef void forget_responses(ActiveSet m) noexcept nogil
 cdef void forget_rows(ActiveSet m) noexcept nogil
 cdef void subtract_responses(ActiveSet m, const double* factor, Py_ssize_t k, double* s) noexcept nogil
-cdef void subtract_active(ActiveSet m, double* values) noexcept nogil
 cdef double rest_of(ActiveSet m, Py_ssize_t row) noexcept nogil
 cdef bint is_independent(ActiveSet m, Py_ssize_t row, double rest, double limit) noexcept nogil
 cdef void insert_place(ActiveSet m, Py_ssize_t at, Py_ssize_t row, Py_ssize_t side, double multiplier) noexcept nogil

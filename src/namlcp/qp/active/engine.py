@@ -62,6 +62,10 @@ class ActiveSet(Watched):
         """Solve the QP at the pointers; return how that ended."""
         return UNSUITED
 
+    def set_up(self):
+        """Make the factors for `rounds.wanted_rho`; False if they are not good."""
+        return False
+
     def set_values(self, rhs, values):
         """Set values = (G x, x, y) for (x, y) = K^-1 rhs."""
 
@@ -281,13 +285,6 @@ def subtract_responses(m, factor, k, s):
         i += 1
 
 
-def subtract_active(m, values):
-    """Set m.work = S^-1 m.work, and values -= sum of m.work_i w_i over active rows."""
-    triangle_solve(m.triangle, m.k, m.work)
-    triangle_solve_transposed(m.triangle, m.k, m.work)
-    subtract_responses(m, m.work, m.k, values)
-
-
 def rest_of(m, row):
     """Return the squared length of w_row orthogonal to the active rows.
 
@@ -435,17 +432,19 @@ def step(m):
 def excuse(m):
     """Leave a row that contradicts the active ones, if that may be due to rounding.
 
-    CONTRADICTION if it cannot, STUCK if the rounding errors would be too large.
+    CONTRADICTION if it cannot; STUCK if the rounding errors would be too large, or the
+    multipliers cannot be had without the partial steps.
     """
     row = m.entering
     goal, scale = goal_of(m, row, m.entering_side), m.scale[row]
     terms = fabs(goal) * scale + size_of(m, m.s)
     if not fabs(m.s[row] - goal) * scale <= NOISE * m.level * terms:
+        set_contradiction(m)
         return CONTRADICTION
     m.level *= 10.0
     m.entering = -1
     most = MOST_ROUND_ROUNDING if m.rho > 0.0 else MOST_ROUNDING
-    return STUCK if m.level > most else DONE
+    return DONE if m.level <= most and drop_wrong_signs(m) else STUCK
 
 
 def pivot(m):
@@ -468,10 +467,6 @@ def pivot(m):
         found = step(m)
         if found == CONTRADICTION:
             found = excuse(m)
-            if found == CONTRADICTION:
-                set_contradiction(m)
-            elif found == DONE and not drop_wrong_signs(m):  # without the partial steps
-                found = STUCK
         if found != DONE:
             return found
 

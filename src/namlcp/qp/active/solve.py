@@ -273,7 +273,7 @@ def answer_of(m: ActiveSet, judge, chain):
 
 
 def kept_for(qp):
-    """Return a `DenseActiveSet` or `SparseActiveSet` for these matrices, which it holds.
+    """Return an `ActiveSet` for these matrices, which it holds.
 
     None where they are sparse, and so large or full that other methods are quicker.
     """

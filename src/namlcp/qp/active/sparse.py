@@ -68,22 +68,30 @@ class SparseActiveSet:
         times_both(A, self.p, n, x, self.Ax, self.y, self.Aty)
 
     def decide(self):
-        self.pivots = 0
-        if not self.is_ready or is_faulty(self):
-            return UNSUITED
-        if self.rho != 0.0 and self.rho != wanted_rho(self) and not is_weighed(self):
-            return UNSUITED
-        return solve_at_hand(self)
+        return solve_at_hand(self) if is_fit(self) else UNSUITED
+
+    def set_up(self):
+        """Factor P + W; apart from `decide`, as what has such a block takes the GIL."""
+        if self.rho == 0.0:
+            return False
+        self.rho = wanted_rho(self)
+        for j in range(self.n):
+            self.weight[j] = self.rho * self.shape[j]
+            self.base[self.indptr[j + 1] - 1] = self.cost[j] + self.weight[j]
+        with cython.gil:
+            try:
+                self.is_ready = self.factor_and_try()
+            except MemoryError:
+                self.is_ready = False
+        forget_responses(self)
+        return self.is_ready
 
     def times_cost(self, x, Px):
         indptr, indices, base = self.indptr, self.indices, self.base
         for j in range(self.n):
-            x_j = x[j]
-            total = self.cost[j] * x_j  # K has the diagonal of P + W
-            for t in range(indptr[j], indptr[j + 1] - 1):
-                Px[indices[t]] += base[t] * x_j
-                total += base[t] * x[indices[t]]
-            Px[j] = total
+            k, count = indptr[j], indptr[j + 1] - 1 - indptr[j]
+            total = self.cost[j] * x[j]  # K has the diagonal of P + W
+            Px[j] = add_line(total, base + k, indices + k, count, x, x[j], Px)
 
     def attach(self, P, G, A):
         """Take matrices, and make what depends on them; an old pattern saves time."""
@@ -134,24 +142,6 @@ class SparseActiveSet:
         return error <= REACHED
 
 
-def is_weighed(m):
-    """Factor P + W, in the place of P; tell whether that allows accurate solves.
-
-    Apart from `decide`: a function with a block like this takes the GIL as it ends.
-    """
-    m.rho = wanted_rho(m)
-    for j in range(m.n):
-        m.weight[j] = m.rho * m.shape[j]
-        m.base[m.indptr[j + 1] - 1] = m.cost[j] + m.weight[j]
-    with cython.gil:
-        try:
-            m.is_ready = m.factor_and_try()
-        except MemoryError:
-            m.is_ready = False
-    forget_responses(m)
-    return m.is_ready
-
-
 # ---- the operator
 
 
@@ -171,26 +161,17 @@ def subtract_product(m, u, r):
     """Set r -= K u."""
     indptr, indices, base = m.indptr, m.indices, m.base
     for j in range(m.size):
-        last = indptr[j + 1] - 1
-        u_j = u[j]
-        total = r[j] - base[last] * u_j
-        for t in range(indptr[j], last):
-            i = indices[t]
-            r[i] -= base[t] * u_j
-            total -= base[t] * u[i]
-        r[j] = total
+        k, last = indptr[j], indptr[j + 1] - 1
+        total = base[last] * u[j] - r[j]
+        r[j] = -add_line(total, base + k, indices + k, last - k, u, -u[j], r)
 
 
 def times_both(M, count, n, x, Mx, y, Mty):
     """Set Mx = M x and Mty = M'y, for the rows of M."""
-    indptr, indices, data = M.indptr, M.indices, M.data
     fill(Mty, 0.0, n)
     for i in range(count):
-        total, y_i = 0.0, y[i]
-        for t in range(indptr[i], indptr[i + 1]):
-            Mty[indices[t]] += data[t] * y_i
-            total += data[t] * x[indices[t]]
-        Mx[i] = total
+        k, entries = M.indptr[i], M.indptr[i + 1] - M.indptr[i]
+        Mx[i] = add_line(0.0, M.data + k, M.indices + k, entries, x, y[i], Mty)
 
 
 # ---- the factors
