@@ -47,8 +47,7 @@ cdef enum:
     LEAST_FREE = 32
 
 cdef bint is_sound(DenseActiveSet m) noexcept nogil
-cdef double copy_cost(DenseActiveSet m, double slack) noexcept nogil
-cdef bint has_factor(DenseActiveSet m) noexcept nogil
+cdef bint has_factor(DenseActiveSet m, double slack) noexcept nogil
 cdef bint factor_cost(DenseActiveSet m) noexcept nogil
 cdef bint factor_weighted(DenseActiveSet m) noexcept nogil
 cdef double reach_of(const double* row, const double* shape, Py_ssize_t n) noexcept nogil

@@ -131,10 +131,9 @@ class DenseActiveSet(ActiveSet):
             bounds: Py_ssize_t = 0
             for i in range(self.k):
                 bounds += self.active[i] >= self.m
-            is_smaller: cython.bint = self.n - bounds + self.p < bounds
             is_plain: cython.bint = self.rho == 0.0 and self.skipped == 0
-            self.is_free = found == DONE and is_plain and is_smaller
-            self.is_free = self.is_free and self.most_free > 0
+            is_plain = is_plain and found == DONE and self.most_free > 0
+            self.is_free = is_plain and self.n - bounds + self.p < bounds
             self.face_is_kept = False
             return found
         if (found != STUCK and found != UNPROVED) or self.wanted != 0.0:
@@ -288,49 +287,43 @@ def is_sound(m):
     return fine
 
 
-def copy_cost(m, slack):
-    """Copy the lower triangle of P, its diagonal times 1 + slack; return max P_ii."""
-    n, largest = m.n, 0.0
+def has_factor(m, slack):
+    """Factor P, its diagonal times 1 + slack plus m.weight; tell if that can be."""
+    n = m.n
     for i in range(n):
         row = m.factor + i * n
         copy(m.P + i * n, row, i + 1)
-        largest = max(largest, row[i])
-        row[i] *= 1.0 + slack
-    return largest
-
-
-def has_factor(m):
-    """Overwrite the lower triangle in m.factor by its Cholesky factor, if any."""
-    if m.is_large:
-        return cholesky(m.factor, m.n)
-    return factor_in_place(m.factor, m.n, 0.0) == 0
+        row[i] = row[i] * (1.0 + slack) + m.weight[i]
+    return (
+        cholesky(m.factor, n) if m.is_large else factor_in_place(m.factor, n, 0.0) == 0
+    )
 
 
 def factor_cost(m):
     """Factor P; False where it has no factor, or pivots that differ too much."""
-    n, low, high = m.n, INFINITY, 0.0
-    copy_cost(m, 0.0)
-    if not has_factor(m):
+    low, high = INFINITY, 0.0
+    fill(m.weight, 0.0, m.n)
+    if not has_factor(m, 0.0):
         return False
-    for i in range(n):
-        root = m.factor[i * n + i]
+    for i in range(m.n):
+        root = m.factor[i * m.n + i]
         low, high = min(low, root), max(high, root)
     return high * high <= MOST_SPREAD * low * low
 
 
 def factor_weighted(m):
     """Factor P + W; False where P is not semidefinite, or W is too small."""
-    n = m.n
-    m.largest = copy_cost(m, PSD_SLACK)
+    n, m.largest = m.n, 0.0
     for i in range(n):
         m.shape[i] = m.P[i * n + i]
+        m.largest = max(m.largest, m.shape[i])
         if m.shape[i] < 0.0:
             return False
-        m.factor[i * n + i] += ROUNDING_UNIT * m.largest  # else an empty row has 0
+    fill(m.weight, ROUNDING_UNIT * m.largest, n)  # else an empty row has 0
     if m.largest == 0.0:  # then P must be 0
         if largest_entry(m.P, n * n) > 0.0:
             return False
-    elif not has_factor(m):
+    elif not has_factor(m, PSD_SLACK):
         return False
     set_shape(m)
     for i in range(m.m):
@@ -338,11 +331,9 @@ def factor_weighted(m):
     for i in range(m.p):
         m.reach[i] = reach_of(m.A + i * n, m.shape, n)
     m.rho = wanted_rho(m)
-    copy_cost(m, 0.0)
     for i in range(n):
         m.weight[i] = m.rho * m.shape[i]
-        m.factor[i * n + i] += m.weight[i]
-    if not has_factor(m):
+    if not has_factor(m, 0.0):
         return False
     for i in range(n):
         root = m.factor[i * n + i]

@@ -36,8 +36,8 @@ cdef class ActiveSet(Watched):
         # rows = m + n inequalities and bounds, length = rows + p; the most active rows and
         # responses; equations that depend on others.
         Py_ssize_t n, m, p, rows, length, most, capacity, skipped
-        # Values at the base point and now, their change for a multiplier that grows; 1
-        # over the norms of the rows.
+        # Values at the base point and now, their change for a multiplier that grows, or
+        # along a direction of conjugate gradients; 1 over the norms of the rows.
         double *s0, *s, *direction, *scale
         # Active rows: index, multiplier, the triangle L with L L' = S; side of every row:
         # 1 at h or ub, -1 at lb, 0 if not active.
@@ -47,33 +47,31 @@ cdef class ActiveSet(Watched):
         # whether mu and s are not those of the rows; whether no other solve follows.
         readonly Py_ssize_t k, hints
         bint changed, is_single
-        # L^-1 w_F, S^-1 w_F, right-hand sides of S, Givens rotations.
-        double *coefficient, *ratio, *work, *cosines, *sines
+        # L^-1 w_F, solutions with S, Givens rotations.
+        double *coefficient, *ratio, *cosines, *sines
         # Responses, the place of each row's (-1: none), the row of each place.
         double *responses
         Py_ssize_t *place, *owner
         Py_ssize_t next_place
         # Products of the point; right-hand sides; a refinement, and what was best before.
         double *Px, *Gx, *Ax, *Gtz, *Aty, *rhs, *change, *best, *best_multiplier
-        # Of `rounds`: W, what it is made of; the centre; the values of rows for the
-        # direction of conjugate gradients, and P times it.
-        double *weight, *shape, *reach, *centre, *along, *Palong
+        # Of `rounds`: W, what it is made of; the centre; P times the direction.
+        double *weight, *shape, *reach, *centre, *Palong
         # rho in W, 0 without W; what it is to be over that of the data, 0 for W only
         # where P has no good factor, NO_WEIGHT for never; the largest diagonal entry of P.
         readonly double rho
         public double wanted
         double largest
         Py_ssize_t retries
-        # Whether the point is on the face of `null`, whose operators hold active rows.
+        # Whether the point is on the face of `dense`, whose operators hold active rows.
         bint on_face
         # The row that enters (-1: none) and its side, its multiplier so far.
         Py_ssize_t entering, entering_side
         readonly Py_ssize_t pivots, max_iter
         double own
         # The violation over its terms that counts as rounding; curvature of a row of norm
-        # 1 up to which the equations fix it; `size_of` s0, 0 on the face of `null`.
-        double level, least_curvature
-        double base_size
+        # 1 up to which the equations fix it; `size_of` s0, 0 on the face of `dense`.
+        double level, least_curvature, base_size
         readonly double operations, most_operations
         double eps_abs, eps_rel
         Numbers found

@@ -187,13 +187,12 @@ def lay_out_rows(m):
     m.active, m.side = indices(m, most + 1), indices(m, rows)
     m.triangle = reals(m, size)
     m.coefficient, m.ratio = reals(m, most + 1), reals(m, most + 1)
-    m.work = reals(m, most + 1)
     m.cosines, m.sines = reals(m, most), reals(m, most)
     m.place, m.owner = indices(m, rows), indices(m, m.capacity)
     m.Px, m.Gx, m.Ax = reals(m, n), reals(m, m.m), reals(m, p)
     m.Gtz, m.Aty, m.rhs = reals(m, n), reals(m, n), reals(m, n + p)
     m.weight, m.shape, m.reach = reals(m, n), reals(m, n), reals(m, p)
-    m.centre, m.along, m.Palong = reals(m, n), reals(m, length), reals(m, n)
+    m.centre, m.Palong = reals(m, n), reals(m, n)
     m.responses = reals(m, m.capacity * length)
 
 

@@ -253,7 +253,7 @@ def set_correction(m):
 
 
 def set_change(m, to_sides):
-    """Set m.change to K^-1 m.rhs less a sum of m.work_i w_i; return its size without.
+    """Set m.change to K^-1 m.rhs less a sum of m.ratio_i w_i; return its size without.
 
     What is left leads the active rows to their sides, or else is 0 there.
     """
@@ -261,18 +261,18 @@ def set_change(m, to_sides):
     size = size_of(m, m.change)
     for i in range(m.k):
         row = m.active[i]
-        m.work[i] = m.change[row]
+        m.ratio[i] = m.change[row]
         if to_sides:
-            m.work[i] = m.change[row] + m.s[row] - goal_of(m, row, m.side[row])
-    triangle_solve(m.triangle, m.k, m.work)
-    triangle_solve_transposed(m.triangle, m.k, m.work)
-    subtract_responses(m, m.work, m.k, m.change)
+            m.ratio[i] = m.change[row] + m.s[row] - goal_of(m, row, m.side[row])
+    triangle_solve(m.triangle, m.k, m.ratio)
+    triangle_solve_transposed(m.triangle, m.k, m.ratio)
+    subtract_responses(m, m.ratio, m.k, m.change)
     return size
 
 
 def take_change(m):
     add_scaled(1.0, m.change, m.s, m.length)
-    add_scaled(1.0, m.work, m.multiplier, m.k)
+    add_scaled(1.0, m.ratio, m.multiplier, m.k)
 
 
 def judge(m, found):
@@ -338,9 +338,9 @@ def descend(m):
         m.times_cost(dx, m.Palong)
         energy = add_weighted(m, dx, dot(dx, m.Palong, n))
         if before > 0.0:
-            add_scaled(energy / before, m.along, m.change, m.rows)
+            add_scaled(energy / before, m.direction, m.change, m.rows)
             m.times_cost(dx, m.Palong)
-        copy(m.change, m.along, m.rows)
+        copy(m.change, m.direction, m.rows)
         if not energy > 0.0:
             break
         before = energy
@@ -382,21 +382,21 @@ def add_weighted(m, v, sum):
 
 def move(m, energy, error):
     """Go along the direction, to its minimum or the first row: MOVED, or an end."""
-    p = m.along + m.m
+    p = m.direction + m.m
     curvature, full = dot(p, m.Palong, m.n), INFINITY
     of_weight = add_weighted(m, p, 0.0)
     if curvature > FLAT / m.rho * of_weight:
         full = energy / curvature
     elif error <= NEARLY_EXACT:
         return DONE
-    longest = longest_step(m, m.along)
-    add_scaled(1.0, m.work, m.multiplier, m.k)
+    longest = longest_step(m, m.direction)
+    add_scaled(1.0, m.ratio, m.multiplier, m.k)
     add_scaled(1.0, m.change + m.rows, m.s + m.rows, m.p)
     if not curvature > OPEN * of_weight and is_ray(m):
         return UNBOUNDED
     if full == longest:  # without end, and yet no ray: rounding
         return DONE
-    add_scaled(min(longest, full), m.along, m.s, m.rows)
+    add_scaled(min(longest, full), m.direction, m.s, m.rows)
     return STUCK if longest < full else MOVED
 
 
@@ -415,13 +415,13 @@ def longest_step(m, along):
 
 
 def is_ray(m):
-    """Tell whether a direction d near m.along, without curvature, is a ray in z_box.
+    """Tell whether a d near m.direction, without curvature, is a ray; it is in z_box.
 
     Inverse iteration on the face, d = K_F^-1 W d, takes away what is curved.
     """
     n, ray = m.n, m.z_box
     ratio, last = 0.0, INFINITY
-    copy(m.along + m.m, ray, n)
+    copy(m.direction + m.m, ray, n)
     fill(m.rhs + n, 0.0, m.p)
     for _ in range(RAY_PASSES):
         for j in range(n):
@@ -465,7 +465,7 @@ def refine_contradiction(m):
         set_change(m, False)
         for i in range(m.k):
             if m.active[i] < m.m:
-                m.z[m.active[i]] += m.work[i]
+                m.z[m.active[i]] += m.ratio[i]
         add_scaled(1.0, m.change + m.rows, m.y, m.p)
 
 

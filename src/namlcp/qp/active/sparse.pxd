@@ -33,7 +33,6 @@ cdef enum:
 cdef void solve_base(SparseActiveSet m, const double* rhs, double* values, Py_ssize_t passes) noexcept nogil
 cdef void subtract_product(SparseActiveSet m, const double* u, double* r) noexcept nogil
 cdef void times_both(const Columns* M, Py_ssize_t count, Py_ssize_t n, const double* x, double* Mx, const double* y, double* Mty) noexcept nogil
-cdef void set_shifted(SparseActiveSet m, bint is_all) noexcept nogil
 cdef double least_pivot(SparseActiveSet m) noexcept nogil
 cdef double try_factors(SparseActiveSet m) noexcept nogil
 cdef void set_norms(SparseActiveSet m, const Columns* M, Py_ssize_t count, double* norm) noexcept nogil

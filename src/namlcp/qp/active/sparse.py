@@ -131,11 +131,16 @@ class SparseActiveSet:
 
     def factor_and_try(self):
         """Factor K~; tell whether P and A allow accurate solves."""
-        set_shifted(self, False)
-        if not (self.kkt.factor() and least_pivot(self) >= LEAST_PIVOT):
-            set_shifted(self, True)
-            if not (self.kkt.factor() and least_pivot(self) > 0.0):
-                return False
+        for first in (self.n, 0):  # R = 0 at first
+            copy(self.base, self.data, self.indptr[self.size])
+            for j in range(first, self.size):
+                shift = SHIFT / (self.unit[j] * self.unit[j])
+                self.data[self.indptr[j + 1] - 1] += shift if j < self.n else -shift
+            least = LEAST_PIVOT if first > 0 else 0.0
+            if self.kkt.factor() and least_pivot(self) > least:
+                break
+        else:
+            return False
         error = try_factors(self)
         entries = self.most_operations / MOST_OPERATIONS
         self.response_operations = 2.0 * (self.passes + 2) * entries
@@ -177,26 +182,18 @@ def times_both(M, count, n, x, Mx, y, Mty):
 # ---- the factors
 
 
-def set_shifted(m, is_all):
-    copy(m.base, m.data, m.indptr[m.size])
-    for j in range(0 if is_all else m.n, m.size):
-        shift = SHIFT / (m.unit[j] * m.unit[j])
-        m.data[m.indptr[j + 1] - 1] += shift if j < m.n else -shift
-
-
 def least_pivot(m):
     """Return the least pivot of a variable over its diagonal entry of K~, at most 1.
 
     -1 where K~ is not quasi-definite.
     """
     place, inverse, largest = m.factors.place, m.factors.inverse, 1.0
-    for j in range(m.n):
-        if inverse[place[j]] <= 0.0:
+    for j in range(m.size):
+        pivot = inverse[place[j]]
+        if (pivot <= 0.0) if j < m.n else (pivot >= 0.0):
             return -1.0
-        largest = max(largest, inverse[place[j]] * m.data[m.indptr[j + 1] - 1])
-    for j in range(m.n, m.size):
-        if inverse[place[j]] >= 0.0:
-            return -1.0
+        if j < m.n:
+            largest = max(largest, pivot * m.data[m.indptr[j + 1] - 1])
     return 1.0 / largest
 
 
