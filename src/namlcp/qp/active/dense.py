@@ -12,60 +12,28 @@ multiplier 0.
 
 In place of a P without a good factor is P + W, with W, and the QP is solved as in
 `rounds`.
+
+In a sequence with most variables at bounds the same steps, by the same rules and
+tolerances, are taken on the *face* of the active rows: with the variables F not at
+bounds (B: all others) and the *held* rows C x = d, the equations and the active rows of
+G. Their multipliers r and x_F solve
+
+    [P_FF  C_F'] [x_F]   [-q_F - P_FB x_B]
+    [C_F   0   ] [ r ] = [d - C_B x_B    ]
+
+by L L' = P_FF, T = C_F L'^-1 and R R' = T T'; the multipliers of the active bounds are
+minus the gradient. An entering row c changes x_F by -t z and r by -t v, where z and v
+solve the same system for (c_F, 0); the rest of the row orthogonal to the active ones is
+c_F'z, and the multipliers of bounds change by -t (c - P z - C'v)_B. So a step costs
+n nf operations instead of n k for k active rows, and bounds cost nothing: this pays
+where nf and the held rows are fewer than k, for nf up to 2/3 n. T and R are computed
+anew in every step, as few rows are held. Where too many variables are free or rows
+depend on each other there is no face: code STUCK.
 """
 
 import cython
 from cython import Py_ssize_t
-from cython.cimports.libc.math import INFINITY, NAN, fabs, sqrt
-from cython.cimports.namlcp.linalg.blas import (
-    cholesky,
-    gram,
-    invert_lower,
-    times_lower,
-)
-from cython.cimports.namlcp.linalg.dense import (
-    add_times_transposed,
-    factor_in_place,
-    invert_triangle,
-    times_rows,
-    times_triangle,
-    times_triangle_transposed,
-)
-from cython.cimports.namlcp.linalg.vectors import (
-    add_scaled,
-    copy,
-    dot,
-    fill,
-    largest_entry,
-)
-from cython.cimports.namlcp.qp.active.engine import (
-    CONTRADICTION,
-    STUCK,
-    UNBOUNDED,
-    UNPROVED,
-    UNSUITED,
-    claim_place,
-    forget_responses,
-    forget_rows,
-    lay_out_rows,
-    reals,
-    set_base_values,
-)
-from cython.cimports.namlcp.qp.active.rounds import (
-    NO_WEIGHT,
-    RHO,
-    is_faulty,
-    refine_contradiction,
-    set_shape,
-    solve_at_hand,
-    wanted_rho,
-)
-from cython.cimports.namlcp.qp.certificates import (
-    Claim,
-    Matrix,
-    prove_infeasible,
-    prove_unbounded,
-)
+from cython.cimports.libc.math import INFINITY, NAN, fabs, isinf, sqrt
 
 from namlcp.linalg import definite
 
@@ -87,11 +55,11 @@ CONTRADICTED = 1e-9
 LESS_RHO, MORE_RHO = 1e-2 * RHO, 1e2 * RHO
 # MOST_EQUATIONS: most equations for a variable, and for two more. MOST_ROWS: most rows
 # for a variable for which responses are made before they are asked for, if more than
-# one of MANY is violated.
+# one of MANY is violated. LEAST_FREE: least variables for which a face gains anything.
 
 
 class DenseActiveSet(ActiveSet):
-    """A QP with row-major matrices."""
+    """A QP with row-major matrices; a sequence has room for the face, too."""
 
     def lay_out(self):
         n, p = self.n, self.p
@@ -100,6 +68,16 @@ class DenseActiveSet(ActiveSet):
         self.factor, self.equations = reals(self, n * n), reals(self, p * n)
         self.schur, self.schur_work = reals(self, p * p), reals(self, p)
         self.half, self.no_bound = reals(self, n), reals(self, 2 * n)
+        self.most_free, self.is_free, self.face_is_kept = 0, False, False
+        if self.is_single or not LEAST_FREE <= n <= self.most + p:
+            return
+        self.most_free = count = min(2 * n // 3, self.most)
+        triangle = count * (count + 1) // 2
+        self.free, self.free_triangle = indices(self, count), reals(self, triangle)
+        self.held_rows = reals(self, count * count)
+        self.held_triangle = reals(self, triangle)
+        self.free_part, self.held_part = reals(self, count), reals(self, count)
+        self.load, self.slope = reals(self, n), reals(self, n + p)
 
     def set_values(self, rhs, values):
         n, p, half = self.n, self.p, self.half
@@ -133,16 +111,31 @@ class DenseActiveSet(ActiveSet):
         add_times_transposed(self.G, self.m, n, self.z, self.Gtz)
         add_times_transposed(self.A, self.p, n, self.y, self.Aty)
 
-    def times_cost(self, x, Px):
-        times_rows(self.P, self.n, self.n, self.n, x, Px)
-
     def decide(self):
-        """Solve the QP at hand, if need be with another W, see `rounds`.
+        """Solve the QP at hand, in a sequence on the face where that is smaller.
 
-        A small W leaves little to the passes, and lets rows contradict each other by
-        rounding.
+        Where that fails, the active rows of the last QP are a hint for the other form,
+        which has no factor of theirs. A single QP is solved with another W if need be:
+        a small one leaves little to the passes of `rounds`, and lets rows contradict
+        each other by rounding.
         """
+        if self.is_free and self.is_ready and self.k > 0:
+            self.on_face = True
+            found = solve_dense(self)
+            self.on_face, self.face_is_kept = False, found == DONE
+            if found != STUCK:
+                return found
+            self.hints, self.k = self.k, 0
         found = solve_dense(self)
+        if not self.is_single:
+            bounds: Py_ssize_t = 0
+            for i in range(self.k):
+                bounds += self.active[i] >= self.m
+            is_plain: cython.bint = self.rho == 0.0 and self.skipped == 0
+            is_plain = is_plain and found == DONE and self.most_free > 0
+            self.is_free = is_plain and self.n - bounds + self.p < bounds
+            self.face_is_kept = False
+            return found
         if (found != STUCK and found != UNPROVED) or self.wanted != 0.0:
             return found
         if self.pivots > self.max_iter or self.operations > self.most_operations:
@@ -154,24 +147,125 @@ class DenseActiveSet(ActiveSet):
         self.wanted, self.is_ready = 0.0, False  # for the next QP
         return found
 
+    def set_up(self):
+        """Factor P, or P + W, which m.wanted > 0 asks for, and what depends on that."""
+        self.is_ready = False
+        if self.p > MOST_EQUATIONS * (self.n + 2) or not is_sound(self):
+            return False
+        self.rho, self.skipped = 0.0, 0
+        is_plain: cython.bint = self.wanted <= 0.0 and factor_cost(self)
+        if not is_plain and (self.wanted == NO_WEIGHT or not factor_weighted(self)):
+            return False
+        forget_responses(self)
+        invert_factor(self)
+        if self.is_large and self.is_single and self.rho == 0.0:
+            prepare(self)
+        self.is_ready = True
+        return True
+
+    def times_cost(self, x, Px):
+        if not self.on_face:
+            times_rows(self.P, self.n, self.n, self.n, x, Px)
+            return
+        copy(self.load, Px, self.n)
+        for i in range(self.free_count):
+            j = self.free[i]
+            add_scaled(x[j], self.P + j * self.n, Px, self.n)
+
+    def begin(self):
+        if not self.on_face:
+            return ActiveSet.begin(self)
+        self.operations, self.base_size = 0.0, 0.0
+        for i in range(self.k):
+            row = self.active[i]
+            if isinf(goal_of(self, row, self.side[row])):
+                self.side[row], self.face_is_kept = 0, False
+        if not self.face_is_kept and not factor_face(self):
+            return False
+        set_load(self)
+        return True
+
+    def project(self, row):
+        if not self.on_face:
+            return ActiveSet.project(self, row)
+        direction, slope, scale = self.direction, self.slope, self.scale[row]
+        set_unit_load(self, row, slope)
+        set_free_part(self, slope, self.free_part)
+        fill(self.held_part, 0.0, self.p + self.held)
+        fill(direction, 0.0, self.rows)
+        rest = solve_face(self, direction)
+        if not rest * scale * scale > self.least_curvature:
+            rest = 0.0
+            fill(self.free_part, 0.0, self.free_count)
+            fill(direction, 0.0, self.rows)
+        times_rows(self.G, self.m, self.n, self.n, direction + self.m, direction)
+        set_multipliers_of(self, self.ratio)
+        return rest
+
+    def append(self, row, side, multiplier, rest):
+        if not self.on_face:
+            return ActiveSet.append(self, row, side, multiplier, rest)
+        if row < self.m:
+            insert_place(self, self.held, row, side, multiplier)
+            self.held += 1
+        else:
+            insert_place(self, self.k, row, side, multiplier)
+            at: Py_ssize_t = 0
+            while self.free[at] != row - self.m:
+                at += 1
+            triangle, count = self.free_triangle, self.free_count
+            remove_from_triangle(triangle, count, at, self.cosines, self.sines)
+            self.free_count -= 1
+            for i in range(at, self.free_count):
+                self.free[i] = self.free[i + 1]
+            self.s[row] = goal_of(self, row, side)
+            add_scaled(self.s[row], self.P + (row - self.m) * self.n, self.load, self.n)
+        return factor_held(self)
+
+    def remove(self, i):
+        if not self.on_face:
+            return ActiveSet.remove(self, i)
+        j = self.active[i] - self.m
+        remove_place(self, i)
+        if j < 0:
+            self.held -= 1
+        elif append_free(self, j):
+            add_scaled(-self.s[self.m + j], self.P + j * self.n, self.load, self.n)
+        else:
+            return False
+        return factor_held(self)
+
+    def set_multipliers(self):
+        """Set the point on the face, too."""
+        if not self.on_face:
+            ActiveSet.set_multipliers(self)
+            return
+        set_face_point(self)
+        for j in range(self.n):
+            self.slope[j] = -self.q[j] - self.load[j]
+        set_multipliers_of(self, self.multiplier)
+
+    def set_point_values(self):
+        """Set G x, on the face, where `set_multipliers` has set the rest."""
+        if not self.on_face:
+            ActiveSet.set_point_values(self)
+            return
+        times_rows(self.G, self.m, self.n, self.n, self.s + self.m, self.s)
+
+    def finish(self):
+        """On the face: the point as a function of the active rows alone."""
+        if not self.on_face:
+            return ActiveSet.finish(self)
+        if self.changed:
+            if self.free_count <= MOST_SORTED and not factor_face(self):
+                return False
+            set_load(self)
+            set_face_point(self)
+        self.changed = False
+        return True
+
 
 # ---- the factors
-
-
-def set_up(m):
-    """Factor P, or what takes its place; False where the matrices do not allow it.
-
-    m.wanted > 0 asks for P + W.
-    """
-    if m.p > MOST_EQUATIONS * (m.n + 2) or not is_sound(m):
-        return False
-    m.rho, m.skipped = 0.0, 0
-    is_plain: cython.bint = m.wanted <= 0.0 and factor_cost(m)
-    if not is_plain and (m.wanted == NO_WEIGHT or not factor_weighted(m)):
-        return False
-    forget_responses(m)
-    invert_factor(m)
-    return True
 
 
 def is_sound(m):
@@ -193,49 +287,43 @@ def is_sound(m):
     return fine
 
 
-def copy_cost(m, slack):
-    """Copy the lower triangle of P, its diagonal times 1 + slack; return max P_ii."""
-    n, largest = m.n, 0.0
+def has_factor(m, slack):
+    """Factor P, its diagonal times 1 + slack plus m.weight; tell if that can be."""
+    n = m.n
     for i in range(n):
         row = m.factor + i * n
         copy(m.P + i * n, row, i + 1)
-        largest = max(largest, row[i])
-        row[i] *= 1.0 + slack
-    return largest
-
-
-def has_factor(m):
-    """Overwrite the lower triangle in m.factor by its Cholesky factor, if any."""
-    if m.is_large:
-        return cholesky(m.factor, m.n)
-    return factor_in_place(m.factor, m.n, 0.0) == 0
+        row[i] = row[i] * (1.0 + slack) + m.weight[i]
+    return (
+        cholesky(m.factor, n) if m.is_large else factor_in_place(m.factor, n, 0.0) == 0
+    )
 
 
 def factor_cost(m):
     """Factor P; False where it has no factor, or pivots that differ too much."""
-    n, low, high = m.n, INFINITY, 0.0
-    copy_cost(m, 0.0)
-    if not has_factor(m):
+    low, high = INFINITY, 0.0
+    fill(m.weight, 0.0, m.n)
+    if not has_factor(m, 0.0):
         return False
-    for i in range(n):
-        root = m.factor[i * n + i]
+    for i in range(m.n):
+        root = m.factor[i * m.n + i]
         low, high = min(low, root), max(high, root)
     return high * high <= MOST_SPREAD * low * low
 
 
 def factor_weighted(m):
     """Factor P + W; False where P is not semidefinite, or W is too small."""
-    n = m.n
-    m.largest = copy_cost(m, PSD_SLACK)
+    n, m.largest = m.n, 0.0
     for i in range(n):
         m.shape[i] = m.P[i * n + i]
+        m.largest = max(m.largest, m.shape[i])
         if m.shape[i] < 0.0:
             return False
-        m.factor[i * n + i] += ROUNDING_UNIT * m.largest  # else an empty row has 0
+    fill(m.weight, ROUNDING_UNIT * m.largest, n)  # else an empty row has 0
     if m.largest == 0.0:  # then P must be 0
         if largest_entry(m.P, n * n) > 0.0:
             return False
-    elif not has_factor(m):
+    elif not has_factor(m, PSD_SLACK):
         return False
     set_shape(m)
     for i in range(m.m):
@@ -243,11 +331,9 @@ def factor_weighted(m):
     for i in range(m.p):
         m.reach[i] = reach_of(m.A + i * n, m.shape, n)
     m.rho = wanted_rho(m)
-    copy_cost(m, 0.0)
     for i in range(n):
         m.weight[i] = m.rho * m.shape[i]
-        m.factor[i * n + i] += m.weight[i]
-    if not has_factor(m):
+    if not has_factor(m, 0.0):
         return False
     for i in range(n):
         root = m.factor[i * n + i]
@@ -332,16 +418,7 @@ def prepare(m):
 
 
 def solve_dense(m):
-    m.pivots = 0
-    if is_faulty(m):
-        return UNSUITED
-    if not m.is_ready:
-        if not set_up(m):
-            return UNSUITED
-        m.is_ready = True
-        if m.is_large and m.is_single and m.rho == 0.0:
-            prepare(m)
-    if m.rho != 0.0 and m.rho != wanted_rho(m) and not set_up(m):
+    if not is_fit(m):
         return UNSUITED
     if m.skipped > 0 and contradicts_equations(m):
         return proved(m, CONTRADICTION)
@@ -411,3 +488,124 @@ def contradicts_equations(m):
         for i in range(m.p):
             m.y[i] = -m.y[i]
     return True
+
+
+# ---- the face
+
+
+def factor_face(m):
+    """Compute all factors from the sides of the rows, in sorted order."""
+    m.k, m.held, m.free_count = 0, 0, 0
+    for row in range(m.rows):
+        if m.side[row] != 0:
+            m.active[m.k] = row
+            m.k += 1
+            m.held += row < m.m
+    for j in range(m.n):
+        if m.side[m.m + j] == 0 and not append_free(m, j):
+            return False
+    return factor_held(m)
+
+
+def held_row(m, i):
+    return m.A + i * m.n if i < m.p else m.G + m.active[i - m.p] * m.n
+
+
+def set_free_part(m, vector, out):
+    for i in range(m.free_count):
+        out[i] = vector[m.free[i]]
+
+
+def append_free(m, j):
+    """Append variable j to L, if there is room and P allows it."""
+    count, row, b = m.free_count, m.P + j * m.n, m.free_part
+    if count == m.most_free:
+        return False
+    set_free_part(m, row, b)
+    triangle_solve(m.free_triangle, count, b)
+    rest = row[j] - dot(b, b, count)
+    if not rest > 0.0:
+        return False
+    append_to_triangle(m.free_triangle, count, b, sqrt(rest))
+    m.free[count] = j
+    m.free_count += 1
+    return True
+
+
+def factor_held(m):
+    """Compute T and R from L; tell whether the held rows are independent."""
+    count, held, b = m.free_count, m.p + m.held, m.held_part
+    if held > count:
+        return False
+    for i in range(held):
+        t = m.held_rows + i * m.most_free
+        set_free_part(m, held_row(m, i), t)
+        triangle_solve(m.free_triangle, count, t)
+        times_rows(m.held_rows, i, m.most_free, count, t, b)
+        triangle_solve(m.held_triangle, i, b)
+        rest = dot(t, t, count) - dot(b, b, i)
+        if not rest > 0.0:
+            return False
+        append_to_triangle(m.held_triangle, i, b, sqrt(rest))
+    return True
+
+
+def solve_face(m, values):
+    """Solve P_FF x + C_F' r = f, C_F x = g: f is in m.free_part, g in m.held_part.
+
+    x and r take their places, and go to values, without G x. Returns the squared length
+    of the part of L^-1 f orthogonal to T; 0.0 where it depends on T.
+    """
+    count, held, f, r = m.free_count, m.p + m.held, m.free_part, m.held_part
+    triangle_solve(m.free_triangle, count, f)
+    whole = dot(f, f, count)
+    for i in range(held):
+        r[i] = dot(m.held_rows + i * m.most_free, f, count) - r[i]
+    triangle_solve(m.held_triangle, held, r)
+    triangle_solve_transposed(m.held_triangle, held, r)
+    for i in range(held):
+        add_scaled(-r[i], m.held_rows + i * m.most_free, f, count)
+    rest = dot(f, f, count)
+    triangle_solve_transposed(m.free_triangle, count, f)
+    for i in range(count):
+        values[m.m + m.free[i]] = f[i]
+    copy(r, values + m.rows, m.p)
+    return rest if rest > DEPENDENT * whole else 0.0
+
+
+def set_load(m):
+    """Put the active bounds into x, and set the load P_B x_B."""
+    fill(m.load, 0.0, m.n)
+    for j in range(m.n):
+        row = m.m + j
+        if m.side[row] != 0:
+            m.s[row] = goal_of(m, row, m.side[row])
+            if m.s[row] != 0.0:
+                add_scaled(m.s[row], m.P + j * m.n, m.load, m.n)
+
+
+def set_face_point(m):
+    """Set x_F, and r in m.held_part."""
+    x = m.s + m.m
+    for i in range(m.free_count):
+        j = m.free[i]
+        m.free_part[i], x[j] = -m.q[j] - m.load[j], 0.0
+    for i in range(m.p + m.held):
+        goal = m.b[i] if i < m.p else m.h[m.active[i - m.p]]
+        m.held_part[i] = goal - dot(held_row(m, i), x, m.n)
+    solve_face(m, m.s)
+    copy(m.held_part + m.p, m.multiplier, m.held)
+
+
+def set_multipliers_of(m, multiplier):
+    """Set those of the active rows for x_F in m.free_part and r in m.held_part.
+
+    m.slope has what P_F x_F + C'r is subtracted from.
+    """
+    for i in range(m.free_count):
+        add_scaled(-m.free_part[i], m.P + m.free[i] * m.n, m.slope, m.n)
+    for i in range(m.p + m.held):
+        add_scaled(-m.held_part[i], held_row(m, i), m.slope, m.n)
+    copy(m.held_part + m.p, multiplier, m.held)
+    for i in range(m.held, m.k):
+        multiplier[i] = m.slope[m.active[i] - m.m]

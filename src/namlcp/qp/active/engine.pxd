@@ -1,5 +1,8 @@
-from namlcp.result_base cimport Numbers
-from namlcp.limits cimport Watched
+from namlcp.limits cimport Watched, is_over
+from namlcp.linalg.dense cimport append_to_triangle, remove_from_triangle
+from namlcp.linalg.dense cimport triangle_solve, triangle_solve_transposed
+from namlcp.linalg.vectors cimport add_four, add_scaled, copy, dot, fill
+from namlcp.measure cimport Numbers
 
 cdef double DEPENDENT, DEPENDENT_HINT, VIOLATION_ROUNDING, NOISE, MOST_ROUNDING
 cdef double ROUND_ROUNDING, MOST_ROUND_ROUNDING, BASE_ROUNDING
@@ -33,8 +36,8 @@ cdef class ActiveSet(Watched):
         # rows = m + n inequalities and bounds, length = rows + p; the most active rows and
         # responses; equations that depend on others.
         Py_ssize_t n, m, p, rows, length, most, capacity, skipped
-        # Values at the base point and now, their change for a multiplier that grows; 1
-        # over the norms of the rows.
+        # Values at the base point and now, their change for a multiplier that grows, or
+        # along a direction of conjugate gradients; 1 over the norms of the rows.
         double *s0, *s, *direction, *scale
         # Active rows: index, multiplier, the triangle L with L L' = S; side of every row:
         # 1 at h or ub, -1 at lb, 0 if not active.
@@ -44,33 +47,31 @@ cdef class ActiveSet(Watched):
         # whether mu and s are not those of the rows; whether no other solve follows.
         readonly Py_ssize_t k, hints
         bint changed, is_single
-        # L^-1 w_F, S^-1 w_F, right-hand sides of S, Givens rotations.
-        double *coefficient, *ratio, *work, *cosines, *sines
+        # L^-1 w_F, solutions with S, Givens rotations.
+        double *coefficient, *ratio, *cosines, *sines
         # Responses, the place of each row's (-1: none), the row of each place.
         double *responses
         Py_ssize_t *place, *owner
         Py_ssize_t next_place
         # Products of the point; right-hand sides; a refinement, and what was best before.
         double *Px, *Gx, *Ax, *Gtz, *Aty, *rhs, *change, *best, *best_multiplier
-        # Of `rounds`: W, what it is made of; the centre; the values of rows for the
-        # direction of conjugate gradients, and P times it.
-        double *weight, *shape, *reach, *centre, *along, *Palong
+        # Of `rounds`: W, what it is made of; the centre; P times the direction.
+        double *weight, *shape, *reach, *centre, *Palong
         # rho in W, 0 without W; what it is to be over that of the data, 0 for W only
         # where P has no good factor, NO_WEIGHT for never; the largest diagonal entry of P.
         readonly double rho
         public double wanted
         double largest
         Py_ssize_t retries
-        # Whether the point is on the face of `null`, whose operators hold active rows.
+        # Whether the point is on the face of `dense`, whose operators hold active rows.
         bint on_face
         # The row that enters (-1: none) and its side, its multiplier so far.
         Py_ssize_t entering, entering_side
         readonly Py_ssize_t pivots, max_iter
         double own
         # The violation over its terms that counts as rounding; curvature of a row of norm
-        # 1 up to which the equations fix it; `size_of` s0, 0 on the face of `null`.
-        double level, least_curvature
-        double base_size
+        # 1 up to which the equations fix it; `size_of` s0, 0 on the face of `dense`.
+        double level, least_curvature, base_size
         readonly double operations, most_operations
         double eps_abs, eps_rel
         Numbers found
@@ -83,6 +84,7 @@ cdef class ActiveSet(Watched):
 
     cdef void lay_out(self) noexcept nogil
     cdef Code decide(self) noexcept nogil
+    cdef bint set_up(self) noexcept nogil
     cdef void set_values(self, const double* rhs, double* values) noexcept nogil
     cdef void make_response(self, Py_ssize_t row) noexcept nogil
     cdef void set_products(self, bint is_base) noexcept nogil
@@ -107,7 +109,6 @@ cdef double* claim_place(ActiveSet m, Py_ssize_t row) noexcept nogil
 cdef void forget_responses(ActiveSet m) noexcept nogil
 cdef void forget_rows(ActiveSet m) noexcept nogil
 cdef void subtract_responses(ActiveSet m, const double* factor, Py_ssize_t k, double* s) noexcept nogil
-cdef void subtract_active(ActiveSet m, double* values) noexcept nogil
 cdef double rest_of(ActiveSet m, Py_ssize_t row) noexcept nogil
 cdef bint is_independent(ActiveSet m, Py_ssize_t row, double rest, double limit) noexcept nogil
 cdef void insert_place(ActiveSet m, Py_ssize_t at, Py_ssize_t row, Py_ssize_t side, double multiplier) noexcept nogil

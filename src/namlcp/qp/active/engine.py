@@ -26,14 +26,6 @@ import cython
 from cython import Py_ssize_t
 from cython.cimports.libc.math import INFINITY, fabs, isinf, sqrt
 from cython.cimports.libc.stdlib import free, malloc
-from cython.cimports.namlcp.limits import Watched, is_over
-from cython.cimports.namlcp.linalg.dense import (
-    append_to_triangle,
-    remove_from_triangle,
-    triangle_solve,
-    triangle_solve_transposed,
-)
-from cython.cimports.namlcp.linalg.vectors import add_four, add_scaled, copy, dot, fill
 
 # A row depends on the active ones if the squared length of its part orthogonal to them,
 # in the metric of the responses, over its own is at most DEPENDENT; for rows of a hint,
@@ -69,6 +61,10 @@ class ActiveSet(Watched):
     def decide(self):
         """Solve the QP at the pointers; return how that ended."""
         return UNSUITED
+
+    def set_up(self):
+        """Make the factors for `rounds.wanted_rho`; False if they are not good."""
+        return False
 
     def set_values(self, rhs, values):
         """Set values = (G x, x, y) for (x, y) = K^-1 rhs."""
@@ -191,13 +187,12 @@ def lay_out_rows(m):
     m.active, m.side = indices(m, most + 1), indices(m, rows)
     m.triangle = reals(m, size)
     m.coefficient, m.ratio = reals(m, most + 1), reals(m, most + 1)
-    m.work = reals(m, most + 1)
     m.cosines, m.sines = reals(m, most), reals(m, most)
     m.place, m.owner = indices(m, rows), indices(m, m.capacity)
     m.Px, m.Gx, m.Ax = reals(m, n), reals(m, m.m), reals(m, p)
     m.Gtz, m.Aty, m.rhs = reals(m, n), reals(m, n), reals(m, n + p)
     m.weight, m.shape, m.reach = reals(m, n), reals(m, n), reals(m, p)
-    m.centre, m.along, m.Palong = reals(m, n), reals(m, length), reals(m, n)
+    m.centre, m.Palong = reals(m, n), reals(m, n)
     m.responses = reals(m, m.capacity * length)
 
 
@@ -287,13 +282,6 @@ def subtract_responses(m, factor, k, s):
     while i < k:
         add_scaled(-factor[i], response_of(m, active[i]), s, m.length)
         i += 1
-
-
-def subtract_active(m, values):
-    """Set m.work = S^-1 m.work, and values -= sum of m.work_i w_i over active rows."""
-    triangle_solve(m.triangle, m.k, m.work)
-    triangle_solve_transposed(m.triangle, m.k, m.work)
-    subtract_responses(m, m.work, m.k, values)
 
 
 def rest_of(m, row):
@@ -443,17 +431,19 @@ def step(m):
 def excuse(m):
     """Leave a row that contradicts the active ones, if that may be due to rounding.
 
-    CONTRADICTION if it cannot, STUCK if the rounding errors would be too large.
+    CONTRADICTION if it cannot; STUCK if the rounding errors would be too large, or the
+    multipliers cannot be had without the partial steps.
     """
     row = m.entering
     goal, scale = goal_of(m, row, m.entering_side), m.scale[row]
     terms = fabs(goal) * scale + size_of(m, m.s)
     if not fabs(m.s[row] - goal) * scale <= NOISE * m.level * terms:
+        set_contradiction(m)
         return CONTRADICTION
     m.level *= 10.0
     m.entering = -1
     most = MOST_ROUND_ROUNDING if m.rho > 0.0 else MOST_ROUNDING
-    return STUCK if m.level > most else DONE
+    return DONE if m.level <= most and drop_wrong_signs(m) else STUCK
 
 
 def pivot(m):
@@ -476,10 +466,6 @@ def pivot(m):
         found = step(m)
         if found == CONTRADICTION:
             found = excuse(m)
-            if found == CONTRADICTION:
-                set_contradiction(m)
-            elif found == DONE and not drop_wrong_signs(m):  # without the partial steps
-                found = STUCK
         if found != DONE:
             return found
 

@@ -1,4 +1,11 @@
-from namlcp.qp.active.engine cimport ActiveSet, Code
+from namlcp.box cimport clip
+from namlcp.linalg.dense cimport triangle_solve, triangle_solve_transposed
+from namlcp.linalg.vectors cimport add_scaled, copy, dot, fill, largest_entry
+from namlcp.measure cimport Terms, measure
+from namlcp.qp.active.engine cimport ActiveSet, Code, CONTRADICTION, DONE, LATE, MOVED, STUCK
+from namlcp.qp.active.engine cimport SUMMED, UNBOUNDED, ROUND_ROUNDING, VIOLATION_ROUNDING
+from namlcp.qp.active.engine cimport drop_wrong_signs, goal_of, is_pinned, pivot
+from namlcp.qp.active.engine cimport set_base_values, size_of, subtract_responses
 
 cdef double WRONG, RHO, NO_WEIGHT, LEAST_SHAPE, LEAST_CURVATURE
 cdef double EXACT, GOOD, FLAT, NEARLY_EXACT, CANCELLED, TINY, ON_FACE, OPEN
@@ -15,7 +22,7 @@ cdef enum:
     RAY_PASSES = 40
 
 
-cdef bint is_faulty(ActiveSet m) noexcept nogil
+cdef bint is_fit(ActiveSet m) noexcept nogil
 cdef Code solve_at_hand(ActiveSet m) noexcept nogil
 cdef Code solve_by_rounds(ActiveSet m) noexcept nogil
 cdef Code settle(ActiveSet m) noexcept nogil
@@ -24,19 +31,16 @@ cdef void set_shape(ActiveSet m) noexcept nogil
 cdef double wanted_rho(ActiveSet m) noexcept nogil
 cdef void set_point(ActiveSet m) noexcept nogil
 cdef bint clip_point(ActiveSet m) noexcept nogil
-cdef double measure(ActiveSet m) noexcept nogil
+cdef double measure_point(ActiveSet m) noexcept nogil
 cdef bint are_within(ActiveSet m, double rounding) noexcept nogil
 cdef Code verdict(ActiveSet m) noexcept nogil
 cdef void set_correction(ActiveSet m) noexcept nogil
-cdef void set_change(ActiveSet m) noexcept nogil
-cdef void set_held_change(ActiveSet m) noexcept nogil
+cdef double set_change(ActiveSet m, bint to_sides) noexcept nogil
 cdef void take_change(ActiveSet m) noexcept nogil
 cdef Code judge(ActiveSet m, Code found) noexcept nogil
 cdef Code descend(ActiveSet m) noexcept nogil
 cdef double take_face(ActiveSet m) noexcept nogil
-cdef bint is_rounding(ActiveSet m) noexcept nogil
 cdef double add_weighted(ActiveSet m, const double* v, double sum) noexcept nogil
-cdef double set_direction(ActiveSet m, double before) noexcept nogil
 cdef Code move(ActiveSet m, double energy, double error) noexcept nogil
 cdef double longest_step(ActiveSet m, const double* along) noexcept nogil
 cdef bint is_ray(ActiveSet m) noexcept nogil

@@ -42,34 +42,6 @@ are those in the scaled variables, too.
 
 import cython
 from cython.cimports.libc.math import INFINITY, exp, fabs, floor, log, sqrt
-from cython.cimports.namlcp.box import clip
-from cython.cimports.namlcp.linalg.vectors import (
-    add_scaled,
-    copy,
-    dot,
-    fill,
-    largest_entry,
-)
-from cython.cimports.namlcp.measure import Terms
-from cython.cimports.namlcp.measure import measure as measure_terms
-from cython.cimports.namlcp.qp.active.engine import (
-    CONTRADICTION,
-    DONE,
-    LATE,
-    MOVED,
-    ROUND_ROUNDING,
-    STUCK,
-    SUMMED,
-    UNBOUNDED,
-    VIOLATION_ROUNDING,
-    drop_wrong_signs,
-    goal_of,
-    is_pinned,
-    pivot,
-    set_base_values,
-    size_of,
-    subtract_active,
-)
 
 from namlcp import checks
 
@@ -107,8 +79,12 @@ RAY_GAIN, MOST_CURVED, CLEAN = 0.9, 1e-9, 1e-14
 LEAST_GROWTH = 1e-11
 
 
-def is_faulty(m):
-    """Tell whether two sides are opposed, or a number is NaN, infinite or huge."""
+def is_fit(m):
+    """Begin a solve; False where a number is not fit for it, or no factor is good.
+
+    That is two sides that are opposed, or what is NaN, infinite or huge.
+    """
+    m.pivots = 0
     fine: cython.bint = True
     most = INFINITE
     for j in range(m.n):
@@ -119,11 +95,13 @@ def is_faulty(m):
         fine = fine and fabs(m.b[i]) < INFINITY
     for i in range(m.m):
         fine = fine and (-most < m.h[i] < most or m.h[i] == INFINITY)
-    return not fine
+    if fine and m.is_ready and (m.rho == 0.0 or m.rho == wanted_rho(m)):
+        return True
+    return fine and m.set_up()
 
 
 def solve_at_hand(m):
-    """Solve the QP at the pointers of m, whose factors are there."""
+    """Solve the QP at the pointers of m, after `is_fit`."""
     m.entering, m.level = -1, VIOLATION_ROUNDING
     if m.rho != 0.0:
         found = solve_by_rounds(m)
@@ -146,30 +124,24 @@ def solve_by_rounds(m):
     First on the active rows of the last QP, or a hint: the rounds would come to those
     of the QP with the proximal term before.
     """
-    rounds, found = 0, STUCK
+    found = STUCK
     m.level, m.retries = ROUND_ROUNDING, RETRIES
     fill(m.centre, 0.0, m.n)
     m.begin()
     if m.k > 0:
-        m.set_multipliers()
-        m.set_point_values()
-        if descend(m) == DONE:
-            found = settle(m)
-    while found == STUCK and rounds < MOST_ROUNDS:
-        m.changed = False
+        found = descend(m)
+        if found == UNBOUNDED:  # the rows at hand need not be feasible
+            found = STUCK
+    for _ in range(MOST_ROUNDS):
+        if found != STUCK:
+            return found
         drop_wrong_signs(m)
         found = pivot(m)
         if found == LATE:
             judge(m, found)
         if found != DONE:
             return found
-        if m.changed:
-            m.set_multipliers()
-            m.set_point_values()
-        rounds += 1
         found = descend(m)
-        if found == DONE:
-            found = settle(m)
         if found == STUCK:
             copy(m.s + m.m, m.centre, m.n)
             set_base_values(m)
@@ -180,7 +152,7 @@ def settle(m):
     """Take multipliers of the right signs, at a point whose products are at hand."""
     if clip_point(m):
         m.set_products(False)
-    measure(m)
+    measure_point(m)
     is_rough: cython.bint = m.found.dual > WRONG * m.found.dual_size
     if is_rough and m.retries > 0 and are_within(m, 0.0):
         m.retries -= 1
@@ -219,7 +191,7 @@ def clip_point(m):
     return was_out
 
 
-def measure(m):
+def measure_point(m):
     """Set z_box to minus the gradient at active bounds; measure a point with products.
 
     Returns the largest residual over its terms, with the active rows as equations.
@@ -241,7 +213,7 @@ def measure(m):
     t.x, t.y, t.z, t.z_box = m.x, m.y, m.z, m.z_box
     t.Px, t.Gx, t.Ax, t.Gtz, t.Aty = m.Px, m.Gx, m.Ax, m.Gtz, m.Aty
     found = cython.address(m.found)
-    measure_terms(cython.address(t), found)
+    measure(cython.address(t), found)
     return max(
         max(primal, found.primal) / max(found.primal_size, LEAST_DIVISOR),
         found.dual / max(found.dual_size, LEAST_DIVISOR),
@@ -280,25 +252,27 @@ def set_correction(m):
     copy(m.Gx, m.s, m.m)
 
 
-def set_change(m):
-    """Let m.change, of K^-1 m.rhs, lead to the active sides, with dmu in m.work."""
+def set_change(m, to_sides):
+    """Set m.change to K^-1 m.rhs less a sum of m.ratio_i w_i; return its size without.
+
+    What is left leads the active rows to their sides, or else is 0 there.
+    """
+    m.set_values(m.rhs, m.change)
+    size = size_of(m, m.change)
     for i in range(m.k):
         row = m.active[i]
-        m.work[i] = m.change[row] + m.s[row] - goal_of(m, row, m.side[row])
-    subtract_active(m, m.change)
-
-
-def set_held_change(m):
-    """Set m.change to K^-1 m.rhs less a sum of m.work_i w_i: 0 at active rows."""
-    m.set_values(m.rhs, m.change)
-    for i in range(m.k):
-        m.work[i] = m.change[m.active[i]]
-    subtract_active(m, m.change)
+        m.ratio[i] = m.change[row]
+        if to_sides:
+            m.ratio[i] = m.change[row] + m.s[row] - goal_of(m, row, m.side[row])
+    triangle_solve(m.triangle, m.k, m.ratio)
+    triangle_solve_transposed(m.triangle, m.k, m.ratio)
+    subtract_responses(m, m.ratio, m.k, m.change)
+    return size
 
 
 def take_change(m):
     add_scaled(1.0, m.change, m.s, m.length)
-    add_scaled(1.0, m.work, m.multiplier, m.k)
+    add_scaled(1.0, m.ratio, m.multiplier, m.k)
 
 
 def judge(m, found):
@@ -307,7 +281,7 @@ def judge(m, found):
     while True:
         set_point(m)
         m.set_products(not clip_point(m) and m.k == 0 and m.pivots == 0)
-        before, error = error, measure(m)
+        before, error = error, measure_point(m)
         if found == LATE:
             return LATE
         is_fine: cython.bint = error <= ACCURATE and are_within(m, ROUNDING)
@@ -323,8 +297,7 @@ def judge(m, found):
             copy(m.s, m.best, m.length)
             copy(m.multiplier, m.best_multiplier, m.k)
             set_correction(m)
-            m.set_values(m.rhs, m.change)
-            set_change(m)
+            set_change(m, True)
             take_change(m)
             passes -= 1
         else:
@@ -335,12 +308,15 @@ def judge(m, found):
 
 
 def descend(m):
-    """Minimise the cost on the face of the active rows; STUCK where another is met.
+    """Minimise the cost on the face of the active rows, and judge the point.
 
-    After UNBOUNDED z_box has a ray.
+    STUCK where another row is met or it is no solution. After UNBOUNDED z_box has a
+    ray.
     """
     idle: Py_ssize_t = 0
-    energy, best = 0.0, INFINITY
+    before, best, dx = 0.0, INFINITY, m.change + m.m
+    m.set_multipliers()
+    m.set_point_values()
     for turn in range(PASSES + 1):
         away, n = take_face(m), m.n
         cost = max(largest_entry(m.Px, n), largest_entry(m.q, n))
@@ -351,17 +327,29 @@ def descend(m):
         best = min(best, error)
         if error <= EXACT or turn == PASSES or (idle >= IDLE and best <= GOOD):
             break
-        if is_rounding(m) or (away > ON_FACE and turn < STEADY):
+        whole, size = set_change(m, True), size_of(m, m.change)
+        is_rounding: cython.bint = size <= CANCELLED * whole or size <= TINY * size_of(
+            m, m.s
+        )
+        if is_rounding or (away > ON_FACE and turn < STEADY):
             take_change(m)
-            energy = 0.0
-        else:
-            energy = set_direction(m, energy)
-            if not energy > 0.0:
-                break
-            found = move(m, energy, error)
-            if found != MOVED:
-                return found
-    return DONE
+            before = 0.0
+            continue
+        m.times_cost(dx, m.Palong)
+        energy = add_weighted(m, dx, dot(dx, m.Palong, n))
+        if before > 0.0:
+            add_scaled(energy / before, m.direction, m.change, m.rows)
+            m.times_cost(dx, m.Palong)
+        copy(m.change, m.direction, m.rows)
+        if not energy > 0.0:
+            break
+        before = energy
+        found = move(m, energy, error)
+        if found == DONE:
+            break
+        if found != MOVED:
+            return found
+    return settle(m)
 
 
 def take_face(m):
@@ -386,50 +374,29 @@ def take_face(m):
     return max(away, largest_entry(m.rhs + m.n, m.p)) / max(size, LEAST_DIVISOR)
 
 
-def is_rounding(m):
-    """Set m.change and m.work = dmu; tell whether the change of x is rounding."""
-    m.set_values(m.rhs, m.change)
-    whole = size_of(m, m.change)
-    set_change(m)
-    size = size_of(m, m.change)
-    return size <= CANCELLED * whole or size <= TINY * size_of(m, m.s)
-
-
 def add_weighted(m, v, sum):
     for j in range(m.n):
         sum += m.weight[j] * v[j] * v[j]
     return sum
 
 
-def set_direction(m, before):
-    """Set m.along and m.Palong; return e. before: that of the last pass, or 0."""
-    dx = m.change + m.m
-    m.times_cost(dx, m.Palong)
-    energy = add_weighted(m, dx, dot(dx, m.Palong, m.n))
-    if before > 0.0:
-        add_scaled(energy / before, m.along, m.change, m.rows)
-        m.times_cost(dx, m.Palong)
-    copy(m.change, m.along, m.rows)
-    return energy
-
-
 def move(m, energy, error):
     """Go along the direction, to its minimum or the first row: MOVED, or an end."""
-    p = m.along + m.m
+    p = m.direction + m.m
     curvature, full = dot(p, m.Palong, m.n), INFINITY
     of_weight = add_weighted(m, p, 0.0)
     if curvature > FLAT / m.rho * of_weight:
         full = energy / curvature
     elif error <= NEARLY_EXACT:
         return DONE
-    longest = longest_step(m, m.along)
-    add_scaled(1.0, m.work, m.multiplier, m.k)
+    longest = longest_step(m, m.direction)
+    add_scaled(1.0, m.ratio, m.multiplier, m.k)
     add_scaled(1.0, m.change + m.rows, m.s + m.rows, m.p)
     if not curvature > OPEN * of_weight and is_ray(m):
         return UNBOUNDED
     if full == longest:  # without end, and yet no ray: rounding
         return DONE
-    add_scaled(min(longest, full), m.along, m.s, m.rows)
+    add_scaled(min(longest, full), m.direction, m.s, m.rows)
     return STUCK if longest < full else MOVED
 
 
@@ -448,18 +415,18 @@ def longest_step(m, along):
 
 
 def is_ray(m):
-    """Tell whether a direction d near m.along, without curvature, is a ray in z_box.
+    """Tell whether a d near m.direction, without curvature, is a ray; it is in z_box.
 
     Inverse iteration on the face, d = K_F^-1 W d, takes away what is curved.
     """
     n, ray = m.n, m.z_box
     ratio, last = 0.0, INFINITY
-    copy(m.along + m.m, ray, n)
+    copy(m.direction + m.m, ray, n)
     fill(m.rhs + n, 0.0, m.p)
     for _ in range(RAY_PASSES):
         for j in range(n):
             m.rhs[j] = m.weight[j] * ray[j]
-        set_held_change(m)
+        set_change(m, False)
         copy(m.change + m.m, ray, n)
         for i in range(m.k):
             if m.active[i] >= m.m:
@@ -495,10 +462,10 @@ def refine_contradiction(m):
                 m.rhs[m.active[i] - m.m] = 0.0
         if m.entering >= m.m:
             m.rhs[m.entering - m.m] = 0.0
-        set_held_change(m)
+        set_change(m, False)
         for i in range(m.k):
             if m.active[i] < m.m:
-                m.z[m.active[i]] += m.work[i]
+                m.z[m.active[i]] += m.ratio[i]
         add_scaled(1.0, m.change + m.rows, m.y, m.p)
 
 

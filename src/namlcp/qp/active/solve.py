@@ -14,31 +14,6 @@ from cython import Py_ssize_t
 from cython.cimports import numpy as cnp
 from cython.cimports.libc.math import INFINITY, fabs
 from cython.cimports.libc.string import memcpy
-from cython.cimports.namlcp.limits import Settings, begin_watch, raise_kept
-from cython.cimports.namlcp.linalg.arrays import (
-    are_places,
-    data_of,
-    fits,
-    new_vector,
-    new_zeros,
-    places,
-)
-from cython.cimports.namlcp.linalg.vectors import copy, dot, fill
-from cython.cimports.namlcp.qp.active.dense import DenseActiveSet
-from cython.cimports.namlcp.qp.active.engine import (
-    CONTRADICTION,
-    DONE,
-    LATE,
-    SUMMED,
-    UNBOUNDED,
-    forget_rows,
-    make_room,
-)
-from cython.cimports.namlcp.qp.active.null import NullSpace
-from cython.cimports.namlcp.qp.active.rounds import NO_WEIGHT
-from cython.cimports.namlcp.qp.active.sparse import SparseActiveSet
-from cython.cimports.namlcp.qp.intake import is_finite, is_side, stamp_of
-from cython.cimports.namlcp.result_base import Numbers, ResultBase, made
 from scipy.sparse import csc_array, csc_matrix
 
 from namlcp.options import DEFAULT_OPTIONS
@@ -298,14 +273,14 @@ def answer_of(m: ActiveSet, judge, chain):
 
 
 def kept_for(qp):
-    """Return a `NullSpace` or `SparseActiveSet` for these matrices, which it holds.
+    """Return an `ActiveSet` for these matrices, which it holds.
 
     None where they are sparse, and so large or full that other methods are quicker.
     """
     n, p = qp.q.size, qp.b.size
     if not qp.is_dense and (p > n or n + qp.h.size + p > MOST_LENGTH):
         return None
-    m = NullSpace() if qp.is_dense else SparseActiveSet()
+    m = DenseActiveSet() if qp.is_dense else SparseActiveSet()
     renew(m, qp)
     return m if qp.is_dense or m.is_ready else None
 
@@ -457,7 +432,6 @@ def solve_items(
         out[k] = data_of(outs[k])
     code = cython.cast(cython.p_longlong, cnp.PyArray_DATA(codes))
     count = cython.cast(cython.p_longlong, cnp.PyArray_DATA(iterations))
-    m.is_single = True
     take_settings(m, settings, INFINITY)
     with cython.nogil:
         for i in range(first, end):
@@ -482,16 +456,13 @@ def factors_of(m: DenseActiveSet):
 
     That is a copy, unless nobody will solve with m any more.
     """
-    is_on_face: cython.bint = (
-        isinstance(m, NullSpace) and cython.cast(NullSpace, m).face_is_kept
-    )
-    if m.rho != 0.0 or is_on_face:
+    if m.rho != 0.0 or m.face_is_kept:
         return None
     if m.is_single:
         return m
     other: DenseActiveSet = DenseActiveSet.__new__(DenseActiveSet)
     P, G, A = m.matrices
-    attach(other, P, G, A, False)
+    attach(other, P, G, A, True)
     memcpy(other.memory, m.memory, other.memory_end)  # the layout of m begins like that
     other.k, other.skipped = m.k, m.skipped
     return other

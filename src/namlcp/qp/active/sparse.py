@@ -17,24 +17,6 @@ import cython
 import numpy as np
 from cython import Py_ssize_t
 from cython.cimports.libc.math import INFINITY, cos, fabs, sqrt
-from cython.cimports.namlcp.linalg.arrays import data_of, numbers, places
-from cython.cimports.namlcp.linalg.csc import columns_times_transposed, take_columns
-from cython.cimports.namlcp.linalg.sparse_ldl import SparseFactors
-from cython.cimports.namlcp.linalg.vectors import add_scaled, copy, fill, largest_entry
-from cython.cimports.namlcp.qp.active.engine import (
-    UNSUITED,
-    claim_place,
-    forget_responses,
-    lay_out_rows,
-    make_room,
-    reals,
-)
-from cython.cimports.namlcp.qp.active.rounds import (
-    is_faulty,
-    set_shape,
-    solve_at_hand,
-    wanted_rho,
-)
 from scipy.sparse import csr_array
 
 from namlcp.linalg.csc import by_rows
@@ -86,22 +68,30 @@ class SparseActiveSet:
         times_both(A, self.p, n, x, self.Ax, self.y, self.Aty)
 
     def decide(self):
-        self.pivots = 0
-        if not self.is_ready or is_faulty(self):
-            return UNSUITED
-        if self.rho != 0.0 and self.rho != wanted_rho(self) and not is_weighed(self):
-            return UNSUITED
-        return solve_at_hand(self)
+        return solve_at_hand(self) if is_fit(self) else UNSUITED
+
+    def set_up(self):
+        """Factor P + W; apart from `decide`, as what has such a block takes the GIL."""
+        if self.rho == 0.0:
+            return False
+        self.rho = wanted_rho(self)
+        for j in range(self.n):
+            self.weight[j] = self.rho * self.shape[j]
+            self.base[self.indptr[j + 1] - 1] = self.cost[j] + self.weight[j]
+        with cython.gil:
+            try:
+                self.is_ready = self.factor_and_try()
+            except MemoryError:
+                self.is_ready = False
+        forget_responses(self)
+        return self.is_ready
 
     def times_cost(self, x, Px):
         indptr, indices, base = self.indptr, self.indices, self.base
         for j in range(self.n):
-            x_j = x[j]
-            total = self.cost[j] * x_j  # K has the diagonal of P + W
-            for t in range(indptr[j], indptr[j + 1] - 1):
-                Px[indices[t]] += base[t] * x_j
-                total += base[t] * x[indices[t]]
-            Px[j] = total
+            k, count = indptr[j], indptr[j + 1] - 1 - indptr[j]
+            total = self.cost[j] * x[j]  # K has the diagonal of P + W
+            Px[j] = add_line(total, base + k, indices + k, count, x, x[j], Px)
 
     def attach(self, P, G, A):
         """Take matrices, and make what depends on them; an old pattern saves time."""
@@ -141,33 +131,20 @@ class SparseActiveSet:
 
     def factor_and_try(self):
         """Factor K~; tell whether P and A allow accurate solves."""
-        set_shifted(self, False)
-        if not (self.kkt.factor() and least_pivot(self) >= LEAST_PIVOT):
-            set_shifted(self, True)
-            if not (self.kkt.factor() and least_pivot(self) > 0.0):
-                return False
+        for first in (self.n, 0):  # R = 0 at first
+            copy(self.base, self.data, self.indptr[self.size])
+            for j in range(first, self.size):
+                shift = SHIFT / (self.unit[j] * self.unit[j])
+                self.data[self.indptr[j + 1] - 1] += shift if j < self.n else -shift
+            least = LEAST_PIVOT if first > 0 else 0.0
+            if self.kkt.factor() and least_pivot(self) > least:
+                break
+        else:
+            return False
         error = try_factors(self)
         entries = self.most_operations / MOST_OPERATIONS
         self.response_operations = 2.0 * (self.passes + 2) * entries
         return error <= REACHED
-
-
-def is_weighed(m):
-    """Factor P + W, in the place of P; tell whether that allows accurate solves.
-
-    Apart from `decide`: a function with a block like this takes the GIL as it ends.
-    """
-    m.rho = wanted_rho(m)
-    for j in range(m.n):
-        m.weight[j] = m.rho * m.shape[j]
-        m.base[m.indptr[j + 1] - 1] = m.cost[j] + m.weight[j]
-    with cython.gil:
-        try:
-            m.is_ready = m.factor_and_try()
-        except MemoryError:
-            m.is_ready = False
-    forget_responses(m)
-    return m.is_ready
 
 
 # ---- the operator
@@ -189,36 +166,20 @@ def subtract_product(m, u, r):
     """Set r -= K u."""
     indptr, indices, base = m.indptr, m.indices, m.base
     for j in range(m.size):
-        last = indptr[j + 1] - 1
-        u_j = u[j]
-        total = r[j] - base[last] * u_j
-        for t in range(indptr[j], last):
-            i = indices[t]
-            r[i] -= base[t] * u_j
-            total -= base[t] * u[i]
-        r[j] = total
+        k, last = indptr[j], indptr[j + 1] - 1
+        total = base[last] * u[j] - r[j]
+        r[j] = -add_line(total, base + k, indices + k, last - k, u, -u[j], r)
 
 
 def times_both(M, count, n, x, Mx, y, Mty):
     """Set Mx = M x and Mty = M'y, for the rows of M."""
-    indptr, indices, data = M.indptr, M.indices, M.data
     fill(Mty, 0.0, n)
     for i in range(count):
-        total, y_i = 0.0, y[i]
-        for t in range(indptr[i], indptr[i + 1]):
-            Mty[indices[t]] += data[t] * y_i
-            total += data[t] * x[indices[t]]
-        Mx[i] = total
+        k, entries = M.indptr[i], M.indptr[i + 1] - M.indptr[i]
+        Mx[i] = add_line(0.0, M.data + k, M.indices + k, entries, x, y[i], Mty)
 
 
 # ---- the factors
-
-
-def set_shifted(m, is_all):
-    copy(m.base, m.data, m.indptr[m.size])
-    for j in range(0 if is_all else m.n, m.size):
-        shift = SHIFT / (m.unit[j] * m.unit[j])
-        m.data[m.indptr[j + 1] - 1] += shift if j < m.n else -shift
 
 
 def least_pivot(m):
@@ -227,13 +188,12 @@ def least_pivot(m):
     -1 where K~ is not quasi-definite.
     """
     place, inverse, largest = m.factors.place, m.factors.inverse, 1.0
-    for j in range(m.n):
-        if inverse[place[j]] <= 0.0:
+    for j in range(m.size):
+        pivot = inverse[place[j]]
+        if (pivot <= 0.0) if j < m.n else (pivot >= 0.0):
             return -1.0
-        largest = max(largest, inverse[place[j]] * m.data[m.indptr[j + 1] - 1])
-    for j in range(m.n, m.size):
-        if inverse[place[j]] >= 0.0:
-            return -1.0
+        if j < m.n:
+            largest = max(largest, pivot * m.data[m.indptr[j + 1] - 1])
     return 1.0 / largest
 
 
