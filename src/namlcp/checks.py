@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from namlcp.entries import (
+from namlcp.arrays import (
     Order,
     compressed,
     constant,

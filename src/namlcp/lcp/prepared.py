@@ -7,16 +7,15 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import LinearOperator
 
+from namlcp.arrays import stamp_of, transposed
 from namlcp.checks import (
     as_sparse,
     finite_square_matrix,
     number_or_vector,
     refuse_number,
 )
-from namlcp.entries import transposed
 from namlcp.lcp.loops import row_sums, two_colours
 from namlcp.lcp.tridiagonal import read_rows
-from namlcp.linalg.arrays import stamp_of_arrays
 from namlcp.linalg.csc import arrays_of
 from namlcp.linalg.definite import is_symmetric
 
@@ -119,7 +118,7 @@ class Prepared:
 
     def stamp_now(self) -> int:
         values = self.A.data if self.is_sparse else self.A
-        return stamp_of_arrays((values,)) if type(values) is np.ndarray else 0
+        return stamp_of((values,)) if type(values) is np.ndarray else 0
 
     @cached_property
     def is_general(self) -> bool:

@@ -14,8 +14,8 @@ that no divisions are needed from there on.
 import cython
 import numpy as np
 from cython.cimports.libc.math import INFINITY, NAN, fabs, sqrt
+from cython.cimports.namlcp.arrays import numbers, signs
 from cython.cimports.namlcp.box import clip
-from cython.cimports.namlcp.linalg.arrays import numbers, signs
 from cython.cimports.namlcp.linalg.vectors import box_squares, copy, fill
 
 from namlcp.status import Status

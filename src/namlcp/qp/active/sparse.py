@@ -17,7 +17,7 @@ import cython
 import numpy as np
 from cython import Py_ssize_t
 from cython.cimports.libc.math import INFINITY, cos, fabs, sqrt
-from cython.cimports.namlcp.linalg.arrays import data_of, numbers, places
+from cython.cimports.namlcp.arrays import data_of, numbers, places
 from cython.cimports.namlcp.linalg.csc import columns_times_transposed, take_columns
 from cython.cimports.namlcp.linalg.sparse_ldl import SparseFactors
 from cython.cimports.namlcp.linalg.vectors import add_scaled, copy, fill, largest_entry

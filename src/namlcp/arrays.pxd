@@ -1,0 +1,33 @@
+from numpy cimport ndarray, npy_intp
+
+cpdef enum Order:
+    CORRUPT
+    UNSORTED
+    CANONICAL
+
+cdef enum:
+    TILE = 32
+
+cdef object NO_ENTRIES
+
+cdef bint fits(object value, int ndim)
+cdef bint are_places(object value)
+cdef bint are_long(object value)
+cdef bint _is_clean(object value, int kind, int ndim)
+cdef ndarray new_zeros(npy_intp rows, npy_intp columns)
+cdef ndarray new_vector(npy_intp size)
+cdef double* data_of(ndarray array) noexcept
+cdef double* numbers(object array, Py_ssize_t size) except NULL
+cdef int* places(object array, Py_ssize_t size) except NULL
+cdef Py_ssize_t* indices(object array, Py_ssize_t size) except NULL
+cdef signed char* signs(object array, Py_ssize_t size) except NULL
+cdef void* _entries(object array, int kind, Py_ssize_t size) except NULL
+cpdef unsigned long long stamp_of(object parts, unsigned long long total=*)
+cpdef bint is_bad(const double[::1] values, bint infinite_allowed)
+cpdef bint has_huge(const double[::1] values, double most)
+cpdef tuple dense_asymmetry(const double[:, ::1] P)
+cpdef tuple sparse_asymmetry(const int[::1] indptr, const int[::1] indices, const double[::1] data)
+cpdef Order index_order(const int[::1] indptr, const int[::1] indices, Py_ssize_t major, Py_ssize_t minor)
+cpdef object narrowed(const long long[::1] indices)
+cpdef tuple transposed(const int[::1] indptr, const int[::1] indices, const double[::1] data, Py_ssize_t rows)
+cpdef tuple compressed(const double[:, ::1] C)
