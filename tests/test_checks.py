@@ -5,7 +5,7 @@ import pytest
 import scipy.sparse as sp
 
 from namlcp import checks, solve_qp
-from namlcp.entries import dense_asymmetry, sparse_asymmetry
+from namlcp.arrays import dense_asymmetry, sparse_asymmetry
 from namlcp.qp.intake import qp_data
 
 INF = np.inf

@@ -333,7 +333,7 @@ def test_a_sparse_vector_of_a_wrong_shape_is_not_made_dense():
 
 @pytest.mark.parametrize("layout", ["csr", "coo", "lil"])
 def test_more_entries_than_int32_counts_are_refused(layout, monkeypatch):
-    monkeypatch.setattr("namlcp.entries.MOST_ENTRIES", 99)
+    monkeypatch.setattr("namlcp.arrays.MOST_ENTRIES", 99)
     P = sparse.csc_array(np.ones((10, 10))).asformat(layout)
     with pytest.raises(MemoryError, match=r"P would have 1\.0e\+02 entries"):
         solve_qp(P, np.ones(10))
@@ -341,7 +341,7 @@ def test_more_entries_than_int32_counts_are_refused(layout, monkeypatch):
         solve_qp(np.eye(10), np.ones(10), sparse.eye_array(1, 10), np.ones(1))
     qp = sparse_qp()
     most = qp.P.nnz + qp.A.nnz + qp.G.nnz
-    monkeypatch.setattr("namlcp.entries.MOST_ENTRIES", most)
+    monkeypatch.setattr("namlcp.arrays.MOST_ENTRIES", most)
     with pytest.raises(MemoryError, match="the KKT matrix would have"):
         solve_qp(*qp)
 

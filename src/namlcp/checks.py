@@ -14,14 +14,12 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from namlcp.entries import (
+from namlcp.arrays import (
     Order,
     compressed,
     constant,
     from_arrays,
-    has_huge,
     index_order,
-    is_bad,
     narrowed,
     refuse_size,
     transposed,
@@ -36,7 +34,6 @@ LEAST_DIVISOR = 1e-300
 
 
 def clean_copy(array: np.ndarray) -> np.ndarray:
-    """Return `array`, copied unless it is C-contiguous, writeable and of float64."""
     if array.dtype == np.float64 and array.flags.carray:
         return array
     return np.array(array, np.float64, order="C")
@@ -70,21 +67,20 @@ def not_real(name: str, came: str) -> TypeError:
 
 def exact_numbers(name: str, array: np.ndarray) -> np.ndarray:
     """Return an array of objects as one of float64; raise unless they are equal."""
-    found = np.empty(array.size)
-    for i, value in enumerate(array.flat):
+    found = np.empty(array.shape)
+    for place, value in np.ndenumerate(array):
         is_number = isinstance(value, Number)
         try:
             number = float(value) if is_number else None
         except (TypeError, ValueError, OverflowError):
             number = None
         if number is None or not (number == value or math.isnan(number)):
-            place = ", ".join(map(str, np.unravel_index(i, array.shape)))
-            came = f"{type(value).__name__} at ({place})"
+            came = f"{type(value).__name__} at ({', '.join(map(str, place))})"
             if number is not None:
                 came += f" that is no float64; np.asarray({name}, float) rounds it"
             raise not_real(name, came)
-        found[i] = number
-    return found.reshape(array.shape)
+        found[place] = number
+    return found
 
 
 def vector(
@@ -127,20 +123,6 @@ def number_or_vector(name: str, value: Any, n: int, other: str = "A") -> np.ndar
     return vector(name, value, n, other, (n, n))
 
 
-def finite_matrix(name: str, value: Any, other: str, shape: tuple[int, ...]) -> Any:
-    """Return `value` as `matrix` does, in CSC if sparse; raise unless it is finite.
-
-    `other`, of `shape`, is the argument that sets the shape.
-    """
-    C = matrix(name, value, "csc")
-    if C.shape != shape:
-        raise ValueError(
-            f"{name} must have shape {shape} to match {other}, got {C.shape}"
-        )
-    refuse_number(name, C, False)
-    return C
-
-
 def checked_order(name: str, C: Any) -> tuple[Any, Any]:
     """Return the `index_order` of a sparse matrix, and its (indptr, indices) in int32.
 
@@ -169,7 +151,7 @@ def checked_order(name: str, C: Any) -> tuple[Any, Any]:
 
 
 def first(array: np.ndarray, count: int) -> np.ndarray:
-    """Return the first `count` entries, the very array where these are all."""
+    """Return the first entries, the very array where these are all."""
     return array if array.size == count else array[:count]
 
 
@@ -183,7 +165,7 @@ def narrow(indices: np.ndarray) -> np.ndarray | None:
 
 
 def refuse_view(name: str, value: Any) -> None:
-    """Raise a MemoryError for a matrix, perhaps a view of one number, too large."""
+    """Raise a MemoryError for a matrix too large, which may be a view of one number."""
     if isinstance(value, np.ndarray) and value.ndim <= 2:
         refuse_size(name, value.size)
 
@@ -193,24 +175,17 @@ def sparse_matrix(name: str, value: Any, layout: str) -> Any:
     order, places = checked_order(name, value)
     if value.dtype.kind not in "biuf":
         raise TypeError(f"{name} must hold real numbers, got dtype {value.dtype}")
+    refuse_size(name, max(*value.shape, value.nnz))
     wrap = sp.csr_array if layout == "csr" else sp.csc_array
-    if places is not None and value.format != "bsr":
+    if order == Order.CANONICAL and value.format != "bsr":
         indptr, indices = places
-        data = clean_copy(first(value.data, indptr[-1]))
-        parts: Any = indptr, first(indices, indptr[-1]), data
-        own = value.indptr, value.indices, value.data
-        is_sorted, is_right = order == Order.CANONICAL, value.format == layout
-        if is_sorted and is_right and all(map(operator.is_, parts, own)):
+        indices, data = (first(v, indptr[-1]) for v in (indices, value.data))
+        parts: Any = indptr, indices, clean_copy(data)
+        if value.format != layout:
+            parts = transposed(*parts, value.shape[layout == "csc"])
+        elif all(map(operator.is_, parts, (value.indptr, value.indices, value.data))):
             return value  # SciPy takes 13 us to make another
-        refuse_size(name, max(*value.shape, data.size))
-        minor, major = value.shape if value.format == "csc" else value.shape[::-1]
-        # one transposition changes the layout, and sorts; two sort
-        for _ in range(2 * (not is_sorted) if is_right else 1):
-            parts = transposed(*parts, minor)
-            minor, major = major, minor
-        if is_sorted or index_order(*parts[:2], major, minor) == Order.CANONICAL:
-            return from_arrays(parts, value.shape, wrap)
-    refuse_size(name, value.nnz)
+        return from_arrays(parts, value.shape, wrap)
     value = wrap(value.reshape(1, -1) if value.ndim == 1 else value, copy=True)
     value.sum_duplicates()
     return sparse_matrix(name, value, layout)
@@ -251,13 +226,15 @@ def refuse_number(name: str, values: Any, infinite_allowed: bool) -> None:
     """Raise a ValueError that says where the first NaN or forbidden infinity is."""
     is_sparse = sp.issparse(values)
     flat = (values.data if is_sparse else values).ravel()
-    if is_bad(flat, infinite_allowed):
-        i = np.argmax(np.isnan(flat) if infinite_allowed else ~np.isfinite(flat))
+    bad = np.isnan(flat) if infinite_allowed else ~np.isfinite(flat)
+    if bad.any():
+        i = bad.argmax()
         wanted = "must not hold NaN" if infinite_allowed else "must be finite"
-        if is_sparse:
-            index = [places[i] for places in values.tocoo().coords]
-        else:
-            index = list(np.unravel_index(i, values.shape))
+        index: Any = (
+            [places[i] for places in values.tocoo().coords]
+            if is_sparse
+            else np.unravel_index(i, values.shape)
+        )
         place = ", ".join(map(str, index))
         raise ValueError(f"{name} {wanted}, got {flat[i]} at ({place})")
 
@@ -268,9 +245,7 @@ def without_huge(bounds: np.ndarray, sign: float) -> np.ndarray:
     sign is +1 for upper bounds and -1 for lower ones. Huge bounds of the opposite sign
     stay: x <= -1e21 is a constraint.
     """
-    if has_huge(bounds, INFINITE):
-        return np.where(sign * bounds >= INFINITE, sign * np.inf, bounds)
-    return bounds
+    return np.where(sign * bounds >= INFINITE, sign * np.inf, bounds)
 
 
 def as_sparse(C: Any) -> Any:

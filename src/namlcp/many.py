@@ -74,14 +74,6 @@ def solve_many(
     >>> solve_many(lcps, n_jobs=1, progress=False, solve=solve_lcp)[0].z
     array([1., 0.])
     """
-    joblib: Any = None
-    if n_jobs != 1:
-        try:
-            joblib = import_module("joblib")
-        except ImportError as error:
-            raise ImportError(
-                'solve_many needs joblib unless n_jobs=1: pip install "namlcp[batch]"'
-            ) from error
     if not isinstance(problems, Iterable) or isinstance(problems, Mapping):
         raise TypeError(f"problems must be an iterable of problems, got {problems!r}")
     problems = list(problems)
@@ -90,8 +82,14 @@ def solve_many(
         with suppress(ImportError):
             tqdm = import_module("tqdm").tqdm
             bar = partial(tqdm, total=len(problems), unit="problem")
-    if joblib is None:
+    if n_jobs == 1:
         return list(bar(solved(solve, one, settings) for one in problems))
+    try:
+        joblib = import_module("joblib")
+    except ImportError as error:
+        raise ImportError(
+            'solve_many needs joblib unless n_jobs=1: pip install "namlcp[batch]"'
+        ) from error
     tasks = [joblib.delayed(solved)(solve, one, settings) for one in problems]
     found: list[Any] = []
     try:

@@ -8,8 +8,8 @@ import cython
 import numpy as np
 from cython import Py_ssize_t
 from cython.cimports.libc.math import INFINITY, NAN, fabs, isinf, sqrt
+from cython.cimports.namlcp.arrays import data_of, new_vector, numbers
 from cython.cimports.namlcp.box import clip, deviation
-from cython.cimports.namlcp.linalg.arrays import data_of, new_vector, numbers
 from cython.cimports.namlcp.linalg.blas import blas_dot
 from cython.cimports.namlcp.linalg.csc import (
     Columns,

@@ -14,8 +14,6 @@ import numpy as np
 from namlcp.limits import NEVER, Deadline, Limits, Settings
 from namlcp.progress import Progress
 
-CERTIFICATE = "certificate"
-"""The value of `Options.infeasible` that asks for a proof of infeasibility alone."""
 SIDES = "h", "b", "lb", "ub"
 """The sides of the constraints: the names of the weights of a `Relaxation`."""
 
@@ -70,7 +68,7 @@ class Options:
     time_limit: float = math.inf
     verbose: bool = False
     threads: int = 1
-    infeasible: "str | Relaxation" = CERTIFICATE
+    infeasible: "str | Relaxation" = "certificate"
 
     def __post_init__(self) -> None:
         check_number("eps_abs", self.eps_abs, closed=True, finite=True)
@@ -95,7 +93,6 @@ class Options:
 
     @cached_property
     def is_plain(self) -> bool:
-        """Tell whether nothing is to be printed, or found beyond a certificate."""
         return not (self.verbose or self.relaxation)
 
     @classmethod
@@ -166,10 +163,7 @@ class Relaxation:
 
 
 def relaxation_of(infeasible: object) -> Relaxation | None:
-    """Return what `Options.infeasible` asks for, None for a certificate alone.
-
-    Raises TypeError or ValueError if it is nothing known.
-    """
+    """Return what `Options.infeasible` asks for, None for a certificate alone."""
     if isinstance(infeasible, Relaxation):
         return infeasible
     if not isinstance(infeasible, str):
@@ -239,7 +233,7 @@ def check_flag(name: str, value: Any) -> None:
 
 remembered = lru_cache(maxsize=32, typed=True)(Options)  # True is not 1
 RELAXATIONS = {
-    CERTIFICATE: None,
+    "certificate": None,
     "closest": Relaxation(norm=2),
     "elastic": Relaxation(norm=1),
 }

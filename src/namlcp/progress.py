@@ -31,12 +31,10 @@ class Progress:
     """
 
     def __init__(self, columns: tuple[str, ...], verbose: bool):
-        self.columns = (*columns, "time")
-        self.verbose = verbose
-        self.start = time.perf_counter()
+        self.columns, self.verbose = (*columns, "time"), verbose
         self.rows: list[tuple] = []
         self.shown = True  # the last row was printed
-        self.last = self.start  # time of the last printed row
+        self.start = self.last = time.perf_counter()  # last: of a printed row
 
     def say(self, text: str) -> None:
         if self.verbose:
@@ -49,8 +47,7 @@ class Progress:
             names = ("time [s]" if c == "time" else c for c in self.columns)
             self.say("".join(f"{name:>10}" for name in names))
         self.rows.append(row)
-        late = time.perf_counter() - self.last > SILENCE
-        self.shown = late or is_shown(iteration)
+        self.shown = row[-1] > self.last - self.start + SILENCE or is_shown(iteration)
         if self.shown:
             self.show(row)
 

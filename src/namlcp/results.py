@@ -9,6 +9,7 @@ from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
+from namlcp.arrays import stamp_of
 from namlcp.derivatives.gradients import (
     BatchGradients,
     LCPGradients,
@@ -19,11 +20,10 @@ from namlcp.derivatives.gradients import (
 from namlcp.derivatives.lcp import LCPDerivative
 from namlcp.derivatives.qp import BatchDerivative, ClosestDerivative, QPDerivative
 from namlcp.lcp.data import LCP, Prepared
-from namlcp.linalg.arrays import stamp_of_arrays
 from namlcp.linalg.csc import times
 from namlcp.qp.batch import STATUSES, Items
 from namlcp.qp.closest import Nearest
-from namlcp.qp.intake import qp_data, stamp_of
+from namlcp.qp.intake import qp_data
 from namlcp.qp.problem import QP, Point
 from namlcp.residuals import Residuals
 from namlcp.result_base import LCPResultBase, ResultBase
@@ -61,11 +61,6 @@ def data_of(kind: Any) -> dict[str, None]:
     """Return the names of the attributes of a class of results."""
     names = (k for base in kind.__mro__ for k in vars(base).get("__annotations__", ()))
     return dict.fromkeys(name for name in names if name not in INNER)
-
-
-def renewed(kind: Any, data: dict[str, Any]) -> Any:
-    """Return the result of a class that has these data, for copies and pickles."""
-    return kind(**data)
 
 
 def described(result: Any) -> str:
@@ -113,7 +108,8 @@ class Single(metaclass=Public):
     def __reduce__(self) -> tuple[Any, ...]:
         """Leave the problem and the factors behind, in a pickle and in a copy."""
         kind = type(self)
-        return renewed, (kind, {name: getattr(self, name) for name in data_of(kind)})
+        data = {name: getattr(self, name) for name in data_of(kind)}
+        return partial(kind, **data), ()
 
 
 class LCPResult(Single, LCPResultBase):
@@ -260,9 +256,6 @@ class LCPResult(Single, LCPResultBase):
         """The fixed unknowns and the factors of `backward` and `forward`."""
         base: Any = self  # its other attributes are those of compiled code
         lcp, given = problem_of(self)
-        now = stamp_of_arrays(lcp[1:], lcp.matrix.stamp_now())
-        if base.stamp not in (None, now):
-            raise ValueError(CHANGED)
         if base.kept is None:
             base.kept = LCPDerivative(lcp, given, self.z, self.w)
         return base.kept
@@ -438,10 +431,6 @@ class QPResult(Single, ResultBase):
         """The active constraints and factors of `backward` and `forward`."""
         base: Any = self  # its other attributes are those of compiled code
         qp, given = problem_of(self)
-        if base.stamp is not None:
-            as_given = base.problem if len(base.problem) == len(qp) else qp
-            if base.stamp != stamp_of(as_given):
-                raise ValueError(CHANGED)
         if base.kept is None:
             point = Point(self.x, self.y, self.z, self.z_box)
             base.kept = QPDerivative(qp, point, given, base.factors)
@@ -504,8 +493,7 @@ class ClosestPoint(Single):
     shift_ub: np.ndarray
     norm: int
     message: str
-    problem: Any = None
-    """The QP with (P, G, A) as they were given, and the stages, for `backward`."""
+    problem: Any = None  # the QP, (P, G, A) as they were given, and the stages
     stamp: int | None = None
     PUBLIC = "backward", "derivative", "found"
 
@@ -548,15 +536,13 @@ class ClosestPoint(Single):
             raise ValueError(
                 f"derivatives need shifts of norm 2, got those of norm {self.norm}"
             )
-        (qp, _), *_ = problem_of(self)
-        if self.stamp != stamp_of(qp):
-            raise ValueError(CHANGED)
+        problem_of(self)  # raises where it has changed
         return self.kept
 
     @cached_property
     def kept(self) -> ClosestDerivative:
         """The same, made once."""
-        return ClosestDerivative(*problem_of(self))
+        return ClosestDerivative(*self.problem)
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -751,7 +737,7 @@ def closest_point(found: Nearest, problem: tuple[QP, Any]) -> ClosestPoint:
         **point._asdict(),
         **dict(zip(names, shifts, strict=True)),
         obj=OBJECTIVE.get(found.status, objective),
-        problem=stages and (problem, *stages),
+        problem=stages and (*problem, *stages),
         stamp=stamp_of(qp),
     )
 
@@ -789,12 +775,12 @@ def lcp_result(
         message=outcome.message,
         history=history,
         problem=problem,
-        stamp=stamp_of_arrays(lcp[1:], lcp.matrix.stamp),
+        stamp=stamp_of(lcp[1:], lcp.matrix.stamp),
     )
 
 
-def problem_of(result: QPResult | LCPResult | ClosestPoint) -> Any:
-    """Return the problem kept in a result; raise ValueError if it has no derivative."""
+def problem_of(result: Any) -> Any:
+    """Return the problem of a result; raise ValueError if there is no derivative."""
     if result.status is not Status.SOLVED:
         raise ValueError(
             f"derivatives need a result of status solved, got {result.status.value}"
@@ -804,18 +790,24 @@ def problem_of(result: QPResult | LCPResult | ClosestPoint) -> Any:
         raise ValueError(LOST)
     if callable(problem):
         return problem()
-    if type(result) is LCPResult and len(problem) == 5:  # see `solve_small`
+    if type(problem[0]) is tuple:  # the matrices, the vectors, and P, G, A of a Solver
+        matrices, vectors, given = problem
+        problem = QP.of(matrices, vectors), given
+    elif isinstance(result, LCPResult) and len(problem) == 5:  # see `solve_small`
         A, is_symmetric, q, lower, upper = problem
         matrix = A if type(A) is Prepared else Prepared.unchecked(A, is_symmetric)
         lower = np.zeros(q.size) if lower is None else lower
         upper = np.full(q.size, np.inf) if upper is None else upper
-        return LCP(matrix, q, lower, upper), matrix.A
+        problem = LCP(matrix, q, lower, upper), matrix.A
+    if result.stamp not in (None, stamp_now(problem)):
+        raise ValueError(CHANGED)
     if len(problem) == len(QP._fields):  # the arguments of `solve_qp`
-        try:
-            return qp_data(*problem), problem[:6:2]
-        except ValueError:  # they were clean
-            raise ValueError(CHANGED) from None
-    if len(problem) == 3:  # the matrices, the vectors, and P, G, A of a `Solver`
-        matrices, vectors, given = problem
-        return QP.of(matrices, vectors), given
+        return qp_data(*problem), problem[:6:2]
     return problem
+
+
+def stamp_now(problem: Any) -> int:
+    first = problem[0]
+    if isinstance(first, LCP):
+        return stamp_of(first[1:], first.matrix.stamp_now())
+    return stamp_of(first if isinstance(first, QP) else problem)

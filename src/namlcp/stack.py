@@ -28,14 +28,8 @@ Arrays = dict[str, np.ndarray]
 class Stack:
     """A stack of QPs, solved.
 
-    Attributes
-    ----------
-    lead : tuple
-        The common leading axes.
-    solution : Point
-        x, y, z and z_box, each with these axes; NaN for an item that is not solved.
-    solved : array of bool
-        Shaped as these axes.
+    `solution`, the `Point` of NaN for an item that is not solved, and `solved` have the
+    common leading axes `lead`.
     """
 
     def __init__(self, parts: Sequence[Any], settings: dict[str, Any]) -> None:

@@ -151,7 +151,7 @@ GIVEN = {
         add_line=add_line,
     ),
     "namlcp.box": SimpleNamespace(clip=None, deviation=None),
-    "namlcp.linalg.arrays": SimpleNamespace(
+    "namlcp.arrays": SimpleNamespace(
         are_places=None, data_of=None, fits=None, indices=None, new_vector=None,
         numbers=None, places=None,
     ),

@@ -22,7 +22,7 @@ import numpy as np
 from cython import Py_ssize_t
 from cython.cimports import numpy as cnp
 from cython.cimports.libc.math import fabs, sqrt
-from cython.cimports.namlcp.linalg.arrays import (
+from cython.cimports.namlcp.arrays import (
     data_of,
     indices,
     numbers,

@@ -14,7 +14,7 @@ from scipy.linalg.lapack import dgecon, dgetrf, dgetrs
 from scipy.sparse import csc_array
 from scipy.sparse.linalg import lsmr, splu
 
-from namlcp.entries import from_arrays
+from namlcp.arrays import from_arrays
 from namlcp.linalg.csc import add_transposed, times
 from namlcp.qp.kkt import KKT, equilibrate
 

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
-from namlcp.checks import finite_matrix, from_arrays, sparse_matrix, vector
+from namlcp.checks import from_arrays, matrix, refuse_number, sparse_matrix, vector
 from namlcp.derivatives.dense import add_rank_two_at, rank_two
 from namlcp.qp.problem import Point
 
@@ -105,11 +105,17 @@ def change(name: str, value: Any, other: str, own: Any) -> Any:
 
     In place of None there is a vector of zeros, of a matrix None.
     """
-    if own.ndim == 2:
-        return None if value is None else finite_matrix(name, value, other, own.shape)
     if value is None:
-        return np.zeros(own.size)
-    return vector(name, value, own.size, other, own.shape, finite=True)
+        return np.zeros(own.size) if own.ndim == 1 else None
+    if own.ndim == 1:
+        return vector(name, value, own.size, other, own.shape, finite=True)
+    C = matrix(name, value, "csc")
+    if C.shape != own.shape:
+        raise ValueError(
+            f"{name} must have shape {own.shape} to match {other}, got {C.shape}"
+        )
+    refuse_number(name, C, False)
+    return C
 
 
 def rank_two_on(

@@ -322,10 +322,10 @@ class ClosestDerivative:
     """
 
     def __init__(
-        self, problem: tuple[QP, Any], face: Face, easier: QP, point: Point
+        self, qp: QP, given: Any, face: Face, easier: QP, point: Point
     ) -> None:
-        """Factor; `problem`: the QP with P, G and A as given; the others: stage 2."""
-        self.face, (self.qp, self.given) = face, problem
+        """Factor; `given`: P, G and A as they came; after the face: stage 2."""
+        self.qp, self.given, self.face = qp, given, face
         self.first = QPDerivative(*face.least_shifts(point.x))
         self.second = QPDerivative(easier, point)
 

@@ -8,6 +8,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import LinearOperator
 
+from namlcp.arrays import stamp_of, transposed
 from namlcp.checks import (
     LEAST_DIVISOR,
     as_sparse,
@@ -18,11 +19,9 @@ from namlcp.checks import (
     vector,
     without_huge,
 )
-from namlcp.entries import transposed
 from namlcp.lcp.loops import MOST_SMALL, affine, is_ordinary, row_sums, two_colours
 from namlcp.lcp.tridiagonal import read_rows
 from namlcp.limits import Limits
-from namlcp.linalg.arrays import stamp_of_arrays
 from namlcp.linalg.csc import arrays_of
 from namlcp.linalg.definite import is_symmetric
 from namlcp.measure import are_met, natural_residuals
@@ -130,7 +129,7 @@ class Prepared:
 
     def stamp_now(self) -> int:
         values = self.A.data if self.is_sparse else self.A
-        return stamp_of_arrays((values,)) if type(values) is np.ndarray else 0
+        return stamp_of((values,)) if type(values) is np.ndarray else 0
 
     @cached_property
     def is_general(self) -> bool:

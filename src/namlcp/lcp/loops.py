@@ -3,8 +3,8 @@
 import cython
 import numpy as np
 from cython.cimports.libc.math import INFINITY, fabs, sqrt
+from cython.cimports.namlcp.arrays import numbers, places
 from cython.cimports.namlcp.box import clip
-from cython.cimports.namlcp.linalg.arrays import numbers, places
 from cython.cimports.namlcp.linalg.blas import blas_dot
 from cython.cimports.namlcp.linalg.vectors import dot
 

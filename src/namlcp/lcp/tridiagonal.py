@@ -15,14 +15,13 @@ import cython
 import numpy as np
 from cython.cimports.libc.math import NAN, fabs, sqrt
 from cython.cimports.namlcp.box import clip
-from cython.cimports.namlcp.linalg.arrays import numbers, signs
 from cython.cimports.namlcp.linalg.vectors import box_squares, copy, fill
 from cython.cimports.namlcp.measure import are_met
 
 from namlcp.status import Status
 
-# Violation of a sign, relative to Res(clip(0)), that counts as 0; relative difference of
-# two pivots that count as equal.
+# Violation of a sign, relative to Res(clip(0)), that counts as 0; relative difference
+# of two pivots that count as equal.
 SIGN_ROUNDING, SAME_PIVOT = 1e-15, 4.0 * np.finfo(float).eps
 
 

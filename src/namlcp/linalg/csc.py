@@ -10,12 +10,12 @@ import cython
 import numpy as np
 from cython import Py_ssize_t
 from cython.cimports.libc.math import fabs, sqrt
-from cython.cimports.namlcp.linalg.arrays import are_places, fits, numbers, places
-from cython.cimports.namlcp.linalg.arrays import indices as longs
+from cython.cimports.namlcp.arrays import are_places, fits, numbers, places
+from cython.cimports.namlcp.arrays import indices as longs
 from scipy.sparse import csr_array
 
+from namlcp.arrays import constant, transposed
 from namlcp.checks import as_sparse, from_arrays
-from namlcp.entries import constant, transposed
 from namlcp.limits import NEVER
 
 # Density of B above which P + B'WB is computed with dense matrices.

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.linalg.lapack import dpotrf
 from scipy.sparse import csc_array
 
-from namlcp.entries import dense_asymmetry, sparse_asymmetry
+from namlcp.arrays import dense_asymmetry, sparse_asymmetry
 from namlcp.limits import NEVER, PASS, Deadline
 from namlcp.linalg.csc import as_dense
 from namlcp.linalg.factors import plan_factors

@@ -17,14 +17,14 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
+from namlcp.arrays import stamp_of, stamps_of_items
 from namlcp.checks import real_array
-from namlcp.linalg.arrays import stamps_of_items
 from namlcp.linalg.threads import blas_threads
 from namlcp.options import Options
 from namlcp.qp.active import solve as active
 from namlcp.qp.active.dense import DenseActiveSet
 from namlcp.qp.active.engine import Code
-from namlcp.qp.intake import qp_data, stamp_of
+from namlcp.qp.intake import qp_data
 from namlcp.qp.problem import QP, Point, check_convex, make_guess
 from namlcp.qp.route import Memory, solve_checked
 from namlcp.residuals import UNDEFINED, Residuals
@@ -259,7 +259,5 @@ def on_threads(work: Callable[[int], None], size: int, threads: int) -> None:
 
 
 def available_cores() -> int:
-    """Return the number of cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+    has_affinity = hasattr(os, "sched_getaffinity")
+    return len(os.sched_getaffinity(0)) if has_affinity else os.cpu_count() or 1

@@ -23,7 +23,7 @@ import cython
 import numpy as np
 from cython import Py_ssize_t
 from cython.cimports.libc.math import INFINITY, NAN, fabs, isinf
-from cython.cimports.namlcp.linalg.arrays import numbers, places
+from cython.cimports.namlcp.arrays import numbers, places
 from cython.cimports.namlcp.linalg.vectors import fill, largest_entry
 from cython.cimports.namlcp.qp.kkt import (
     Matrix,

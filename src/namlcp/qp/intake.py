@@ -7,19 +7,21 @@ import cython
 from cython import Py_ssize_t
 from cython.cimports import numpy as cnp
 from cython.cimports.libc.math import INFINITY, fabs
-from cython.cimports.namlcp.entries import (
+from cython.cimports.namlcp.arrays import (
     CANONICAL,
+    are_long,
+    are_places,
+    data_of,
     dense_asymmetry,
+    fits,
     index_order,
     narrowed,
     sparse_asymmetry,
 )
-from cython.cimports.namlcp.linalg.arrays import are_long, are_places, data_of, fits
-from cython.cimports.namlcp.linalg.vectors import hash_of
 from scipy.sparse import csc_array, csc_matrix
 
 from namlcp import checks
-from namlcp.entries import from_arrays
+from namlcp.arrays import from_arrays
 from namlcp.qp.problem import QP, absent_parts, qp_arrays, repaired
 
 cnp.import_array()
@@ -45,20 +47,6 @@ def qp_data(P, q, G, h, A, b, lb, ub):
     qp = qp_arrays(P, q, G, h, A, b, lb, ub)
     P, q, G, h, A, b, lb, ub = qp
     return qp if is_clean(P, q, G, h, A, b, lb, ub) else repaired(qp)
-
-
-def stamp_of(parts):
-    """Return a hash of the numbers of a QP, of sparse matrices without their places.
-
-    parts: a QP, or the clean arguments of one. Two of one stamp are the same but for a
-    rare chance.
-    """
-    total = cython.cast(cython.ulonglong, 0)
-    for part in cython.cast(tuple, parts):
-        if part is not None:
-            array: cnp.ndarray = part if cnp.PyArray_CheckExact(part) else part.data
-            total = hash_of(data_of(array), cnp.PyArray_SIZE(array), total)
-    return total
 
 
 def shortened(M):

@@ -23,9 +23,9 @@ import cython
 import numpy as np
 from cython import Py_ssize_t
 from cython.cimports.libc.math import INFINITY, exp, fabs, log, sqrt
+from cython.cimports.namlcp.arrays import indices as longs
+from cython.cimports.namlcp.arrays import numbers, places
 from cython.cimports.namlcp.limits import is_over
-from cython.cimports.namlcp.linalg.arrays import indices as longs
-from cython.cimports.namlcp.linalg.arrays import numbers, places
 from cython.cimports.namlcp.linalg.blas import (
     add_squares,
     blas_times,

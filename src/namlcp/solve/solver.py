@@ -213,10 +213,8 @@ class Solver(metaclass=Public):
         qp = qp_data(*self.qp._replace(**new))
         if not qp.is_dense:  # P + P' is stored without zeros
             qp = qp._replace(P=within_pattern(qp.P, kept["P"]))
-        if "P" in new:
-            check_convex(qp.P)
+        self.memory.ensure_convex(qp.P)
         self.hold_matrices(qp, tuple(given.values()))
-        self.memory.convex = qp.P
         self.is_renewed = True
         if self.active_set is not None:
             if self.pause == inf:  # the old ones were not suited
@@ -323,7 +321,7 @@ class Solver(metaclass=Public):
 
 
 def copied(name: str, M: Any) -> Any:
-    """Return a user's matrix, in its own order, as one that nobody else has."""
+    """Return a copy of a user's matrix in its own order, None for None."""
     if M is None or issparse(M):
         return M if M is None else M.copy()
     refuse_view(name, M)
@@ -332,11 +330,9 @@ def copied(name: str, M: Any) -> Any:
 
 def is_unchanged(new: Any, old: Any) -> bool:
     """Tell whether two matrices are stored alike and equal in every entry."""
-    if isinstance(new, np.ndarray):
-        return type(new) is type(old) and are_equal(new, old)
-    if not issparse(new) or new.format not in ("csc", "csr"):
-        return False
-    return has_pattern_of(new, old) and are_equal(new.data, old.data)
+    if getattr(new, "format", "") in ("csc", "csr"):
+        return has_pattern_of(new, old) and are_equal(new.data, old.data)
+    return type(new) is type(old) is np.ndarray and are_equal(new, old)
 
 
 def has_pattern_of(new: Any, old: Any) -> bool:

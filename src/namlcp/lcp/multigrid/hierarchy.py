@@ -25,7 +25,7 @@ import numpy as np
 from scipy import sparse
 from scipy.linalg.blas import daxpy, dnrm2
 
-from namlcp.entries import from_arrays
+from namlcp.arrays import from_arrays
 from namlcp.lcp.data import Prepared
 from namlcp.lcp.loops import row_sums
 from namlcp.lcp.multigrid.kernels import ascend, descend, free_product, truncate_coarse

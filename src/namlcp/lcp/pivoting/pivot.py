@@ -17,6 +17,7 @@ import cython
 from cython import Py_ssize_t
 from cython.cimports import numpy as cnp
 from cython.cimports.libc.math import INFINITY, fabs, isfinite, sqrt
+from cython.cimports.namlcp.arrays import data_of, fits, new_vector
 from cython.cimports.namlcp.lcp.loops import MOST_SMALL, affine_at, are_ordinary
 from cython.cimports.namlcp.lcp.pivoting.state import (
     Pivoting,
@@ -26,7 +27,6 @@ from cython.cimports.namlcp.lcp.pivoting.state import (
     solve_free,
 )
 from cython.cimports.namlcp.limits import look_at_clock, raise_kept
-from cython.cimports.namlcp.linalg.arrays import data_of, fits, new_vector
 from cython.cimports.namlcp.linalg.vectors import (
     add_scaled,
     copy,

@@ -1,4 +1,4 @@
-from namlcp.linalg.arrays cimport data_of, numbers, places
+from namlcp.arrays cimport data_of, numbers, places
 from namlcp.linalg.csc cimport Columns, columns_times_transposed, take_columns
 from namlcp.linalg.sparse_ldl cimport SparseFactors
 from namlcp.linalg.vectors cimport add_line, add_scaled, copy, fill, largest_entry

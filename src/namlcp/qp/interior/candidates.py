@@ -23,8 +23,8 @@ and projected by means of one factorisation of K. Those with small relative resi
 import cython
 import numpy as np
 from cython.cimports.libc.math import INFINITY, fabs
+from cython.cimports.namlcp.arrays import numbers
 from cython.cimports.namlcp.limits import look_at_clock
-from cython.cimports.namlcp.linalg.arrays import numbers
 from cython.cimports.namlcp.linalg.sparse_ldl import as_array
 from cython.cimports.namlcp.linalg.vectors import copy, fill, largest_entry
 from cython.cimports.namlcp.qp.interior.newton import THIN, factor, multiply

@@ -1,5 +1,13 @@
 from numpy cimport ndarray, npy_intp
 
+cpdef enum Order:
+    CORRUPT
+    UNSORTED
+    CANONICAL
+
+cdef enum:
+    TILE = 32
+
 cdef object NO_ENTRIES
 
 cdef bint fits(object value, int ndim)
@@ -14,3 +22,10 @@ cdef int* places(object array, Py_ssize_t size) except NULL
 cdef Py_ssize_t* indices(object array, Py_ssize_t size) except NULL
 cdef signed char* signs(object array, Py_ssize_t size) except NULL
 cdef void* _entries(object array, int kind, Py_ssize_t size) except NULL
+cpdef unsigned long long stamp_of(object parts, unsigned long long total=*)
+cpdef tuple dense_asymmetry(const double[:, ::1] P)
+cpdef tuple sparse_asymmetry(const int[::1] indptr, const int[::1] indices, const double[::1] data)
+cpdef Order index_order(const int[::1] indptr, const int[::1] indices, Py_ssize_t major, Py_ssize_t minor)
+cpdef object narrowed(const long long[::1] indices)
+cpdef tuple transposed(const int[::1] indptr, const int[::1] indices, const double[::1] data, Py_ssize_t rows)
+cpdef tuple compressed(const double[:, ::1] C)
