@@ -62,9 +62,9 @@ from typing import Any
 import numpy as np
 from scipy.sparse import vstack
 
-from namlcp.checks import clean_copy, no_rows, real_array, refuse_number
+from namlcp.checks import as_sparse, clean_copy, real_array, refuse_number
 from namlcp.derivatives.dense import DenseItem, differentiate_part, sides_of
-from namlcp.derivatives.factors import DenseFactors, KKTFactors
+from namlcp.derivatives.factors import KKTFactors
 from namlcp.derivatives.gradients import (
     BatchGradients,
     QPGradients,
@@ -74,12 +74,11 @@ from namlcp.derivatives.gradients import (
     rank_two_on,
     right_sides,
 )
-from namlcp.linalg.csc import add_transposed, by_rows, submatrix, times
+from namlcp.linalg.csc import add_transposed, submatrix, times
 from namlcp.options import DEFAULT_OPTIONS, check_count
 from namlcp.qp.batch import Items, available_cores, chunks_of, on_threads
 from namlcp.qp.closest import Face
 from namlcp.qp.intake import qp_data
-from namlcp.qp.kkt import KKT
 from namlcp.qp.problem import NO_GUESS, QP, Point
 from namlcp.qp.route import solve_checked
 from namlcp.status import Status
@@ -96,7 +95,7 @@ class QPDerivative:
     ----------
     item : DenseItem or None
         A dense QP whose strictly active constraints have good Cholesky factors.
-    held, factors : array, DenseFactors or KKTFactors
+    held, factors : array, KKTFactors
         Else the sides of the constraints held, see `dense`, and the factors of K.
     point : Point
         The `solution`, with multipliers 0 of constraints that are not held.
@@ -138,15 +137,12 @@ class QPDerivative:
         rows = self.qp.A, self.qp.G
         return np.concatenate(rows) if self.qp.is_dense else vstack(rows, "csc")
 
-    def factored(self, held: np.ndarray) -> DenseFactors | KKTFactors:
+    def factored(self, held: np.ndarray) -> KKTFactors:
         """Return the factors of K for held constraints."""
-        P, C, rows = self.qp.P, self.C, self.C.shape[0]
-        at, free = np.flatnonzero(held[:rows]), np.flatnonzero(held[rows:] == 0)
-        if self.qp.is_dense:
-            C, zero = C[np.ix_(at, free)], np.zeros((at.size, at.size))
-            return DenseFactors(np.block([[P[np.ix_(free, free)], C.T], [C, zero]]))
-        P, C = submatrix(P, free, free), by_rows(submatrix(C, at, free))
-        return KKTFactors(KKT(P, C, by_rows(no_rows(free.size))))
+        P, C = as_sparse(self.qp.P), as_sparse(self.C)
+        at = np.flatnonzero(held[: C.shape[0]])
+        free = np.flatnonzero(held[C.shape[0] :] == 0)
+        return KKTFactors(submatrix(P, free, free), submatrix(C, at, free))
 
     def dependencies(self, held: np.ndarray, null_space: np.ndarray) -> np.ndarray:
         """Return N, which spans the combinations of held constraints that vanish.
