@@ -91,16 +91,9 @@ VANISHED, INDEPENDENT = 1e-9, 1e-6
 class QPDerivative:
     """The derivative of one solution.
 
-    Attributes
-    ----------
-    item : DenseItem or None
-        A dense QP whose strictly active constraints have good Cholesky factors.
-    held, factors : array, KKTFactors
-        Else the sides of the constraints held, see `dense`, and the factors of K.
-    point : Point
-        The `solution`, with multipliers 0 of constraints that are not held.
-    weak, singular : int, bool
-        As in `QPGradients`.
+    item: a dense QP whose strictly active constraints have good Cholesky factors, or
+    None. Otherwise there are the sides of the constraints `held`, see `dense`, and the
+    `factors` of K. point: the `solution`, with multipliers 0 of what is not held.
     """
 
     def __init__(
@@ -195,11 +188,9 @@ class QPDerivative:
 
         K is symmetric: `solve` has its system, with other right-hand sides.
         """
-        d = self.direction(changes)
-        r, dh, db = right_sides(d, self.point)
-        side = self.solution.z_box if self.item else self.held[-d["q"].size :]
-        moved = np.where(side > 0, d["ub"], d["lb"])  # read where x_j is held
-        q, h, b, lb, ub = self.solve((-r, db, dh, moved))
+        d, n = self.direction(changes), self.qp.q.size
+        side = self.solution.z_box if self.item else self.held[-n:]
+        q, h, b, lb, ub = self.solve(right_sides(d, self.point, side))
         return QPTangent(0.0 - q, b, h, lb + ub, self.weak, self.singular)
 
     def directional(self, changes: dict[str, Any]) -> QPTangent:
@@ -208,13 +199,13 @@ class QPDerivative:
         qp, d, C = self.qp, self.direction(changes), self.C
         _, whole, _ = sides_of(qp, self.solution)
         point = self.steepest(whole, d)
-        r, dh, db = right_sides(d, point)
         held, _, _ = sides_of(qp, point)
-        p, rows, e = qp.b.size, C.shape[0], np.concatenate((db, dh))
+        p, rows = qp.b.size, C.shape[0]
         side, fixed = whole[rows:], held[rows:] != 0
+        r, db, dh, moved = right_sides(d, point, side)
+        e = np.concatenate((db, dh))
         at = np.flatnonzero(held[:rows])
         weak = np.flatnonzero((whole[:rows] != 0) & (held[:rows] == 0))
-        moved = np.where(side < 0, d["lb"], d["ub"])
         lower = np.where(fixed | (side < 0), moved, -np.inf)
         upper = np.where(fixed | (side > 0), moved, np.inf)
         words = (
@@ -222,7 +213,7 @@ class QPDerivative:
             "critical cone is {}"
         )
         rights = C[weak], e[weak], C[at], e[at]
-        dx, y, z, dz_box = solved(words, qp.P, r, *rights, lower, upper)
+        dx, y, z, dz_box = solved(words, qp.P, -r, *rights, lower, upper)
         v = np.zeros(rows)
         v[at], v[weak] = y, z
         return QPTangent(dx, v[:p], v[p:], dz_box, self.weak, self.singular)
@@ -234,9 +225,8 @@ class QPDerivative:
         if not N.size:
             return point
         sign, value = signs(qp, whole), np.concatenate(point[1:])
-        _, dh, db = right_sides(d, point)
-        moved = np.where(whole[-qp.q.size :] < 0, d["lb"], d["ub"])
-        slope = np.concatenate((db, dh, moved)) @ N
+        _, *rights = right_sides(d, point, whole[-qp.q.size :])
+        slope = np.concatenate(rights) @ N
         zero, signed = np.zeros((slope.size, slope.size)), sign != 0
         G, h = -(sign[:, None] * N)[signed], np.maximum(sign * value, 0.0)[signed]
         words = (
