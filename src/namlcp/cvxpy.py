@@ -198,13 +198,15 @@ def solver_of(
     The start is None where the Solver has one of its own, or none fits.
     """
     whole = P, q, G, h, A, b = arguments(data)
-    sizes, is_solver = (q.size, h.size, b.size), isinstance(known, Solver)
-    if is_solver and sizes == known.sizes[:3]:
+    sizes = q.size, h.size, b.size
+    if isinstance(known, QPResult):
+        fits = sizes == (known.x.size, known.z.size, known.y.size)
+        return Solver(*whole), known if known and fits else None
+    if sizes == known.sizes[:3]:
         with suppress(OtherShape):  # entries outside the pattern
             known.update(P=P, q=q, G=G, h=h, A=A, b=b)
             return known, None
-    fits = not is_solver and sizes == (known.x.size, known.z.size, known.y.size)
-    return Solver(*whole), known if fits and known else None
+    return Solver(*whole), None
 
 
 def infeasible_or(
