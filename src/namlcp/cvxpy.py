@@ -5,6 +5,7 @@
 """
 
 import time
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -196,18 +197,16 @@ def solver_of(
 
     The start is None where the Solver has one of its own, or none fits.
     """
-    P, q, G, h, A, b = arguments(data)
+    whole = P, q, G, h, A, b = arguments(data)
     sizes = q.size, h.size, b.size
     if isinstance(known, QPResult):
-        has_sizes = sizes == (known.x.size, known.z.size, known.y.size)
-        return Solver(P, q, G, h, A, b), known if known and has_sizes else None
-    if sizes == known.sizes:
-        try:
+        fits = sizes == (known.x.size, known.z.size, known.y.size)
+        return Solver(*whole), known if known and fits else None
+    if sizes == known.sizes[:3]:
+        with suppress(OtherShape):  # entries outside the pattern
             known.update(P=P, q=q, G=G, h=h, A=A, b=b)
             return known, None
-        except OtherShape:  # entries outside the pattern
-            pass
-    return Solver(P, q, G, h, A, b), None
+    return Solver(*whole), None
 
 
 def infeasible_or(

@@ -119,10 +119,8 @@ class Stack:
         parts = {"q": "x", "b": "y", "h": "z", "lb": "x", "ub": "x"}
         absent = {k: np.zeros(getattr(point, part).shape) for k, part in parts.items()}
         d = absent | self.flattened(changes)
-        r, dh, db = right_sides(d, point)
-        side = sides[:, point.z.shape[1] :]
-        dx = np.where(side > 0, d["ub"], d["lb"])  # read where x_j is held
-        q, h, b, lb, ub = self.derivative.solve((-r, db, dh, dx)).vectors
+        rights = right_sides(d, point, sides[:, point.z.shape[1] :])
+        q, h, b, lb, ub = self.derivative.solve(rights).vectors
         return self.shaped(Point(-q, b, h, lb + ub))
 
     @cached_property

@@ -219,9 +219,13 @@ def test_a_resolve_starts_from_the_last_point():
     q.value = 10.0 * rng.standard_normal(20)
     problem.solve(solver=NAM())
     cold = problem.solver_stats.num_iters
-    q.value += 1e-3
-    problem.solve(solver=NAM())
-    assert problem.solver_stats.num_iters < cold
+    kept = []
+    for _ in range(3):
+        q.value += 1e-3
+        problem.solve(solver=NAM())
+        kept.append(problem._solver_cache["NAM"])
+        assert problem.solver_stats.num_iters < cold
+    assert kept[0] is kept[1] is kept[2]
     problem.solve(solver=NAM(), warm_start=False)
     assert problem.solver_stats.num_iters == cold
 

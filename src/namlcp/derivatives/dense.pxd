@@ -23,16 +23,15 @@ cdef class DenseItem:
         # Work space; the array of all these.
         double *work
         object memory
-        # The factors of the solve, if they serve; arrays behind the pointers.
+        # The factors of the solve, if they serve.
         DenseActiveSet kept
-        object arrays
 
 cdef Py_ssize_t mark(const Terms* t, const double* share, const double* norms, const double* size, signed char* strict, signed char* whole) noexcept nogil
 cdef void set_item(DenseItem m, double** start, const Py_ssize_t* step, Py_ssize_t i) noexcept nogil
 cdef void mark_item(DenseItem m) noexcept nogil
 cdef bint serves(DenseActiveSet own, DenseItem m) noexcept nogil
 cdef bint factor(DenseItem m) noexcept nogil
-cdef bint has_factor(double* M, Py_ssize_t n, double* diagonal) noexcept nogil
+cdef bint has_factor(double* M, Py_ssize_t n) noexcept nogil
 cdef const double* row_at(DenseItem m, Py_ssize_t k) noexcept nogil
 cdef void solve_item(DenseItem m) noexcept nogil
 cdef void set_remainder(DenseItem m, bint are_zero) noexcept nogil

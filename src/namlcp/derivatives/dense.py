@@ -180,10 +180,12 @@ class DenseItem:
         self.whole = self.strict + n + m
 
     def take(self, qp, point, kept):
-        """Take a single QP with what its solve has left; tell if K has good factors."""
+        """Take a single QP with what its solve has left; tell if K has good factors.
+
+        The arrays are not owned.
+        """
         (P, q, G, h, A, b, lb, ub), n = qp, self.qp.n
-        self.arrays = *qp, *point
-        set_terms(cython.address(self.qp), (q, h, b, lb, ub), self.arrays[8:])
+        set_terms(cython.address(self.qp), (q, h, b, lb, ub), tuple(point))
         self.P, self.G = numbers(P, n * n), numbers(G, self.qp.m * n)
         self.A = numbers(A, self.qp.p * n)
         mark_item(self)
@@ -229,11 +231,8 @@ def differentiate_part(chosen, arrays, out, sides, weak, regular):
         if cnp.PyArray_DIM(array, 0) > 1:
             step[k] = cnp.PyArray_STRIDE(array, 0) // 8
     gradients, side = numbers(out, out.size), signs(sides, sides.size)
-    weak_n, is_regular = (
-        indices(weak, weak.size),
-        signs(regular.view(np.int8), weak.size),
-    )
-    which = indices(chosen, length)
+    weak_n, which = indices(weak, weak.size), indices(chosen, length)
+    is_regular = signs(regular.view(np.int8), weak.size)
     with cython.nogil:
         for t in range(length):
             i = which[t]
@@ -330,11 +329,11 @@ def factor(m):
         row = row_at(m, m.held[i])
         for c in range(n):
             m.V[i * n + c] = row[m.free[c]]
-    if not has_factor(m.L, n, m.work):
+    if not has_factor(m.L, n):
         return False
     solve_rows(m.L, n, m.V, k)
     gram(m.V, k, n, n, m.S, k)
-    return has_factor(m.S, k, m.work)
+    return has_factor(m.S, k)
 
 
 def row_at(m, k):
@@ -343,15 +342,13 @@ def row_at(m, k):
     return m.A + k * n if k < p else m.G + (k - p) * n
 
 
-def has_factor(M, n, diagonal):
+def has_factor(M, n):
     """Factor the lower triangle of M; False if a pivot is too small."""
-    for i in range(n):
-        diagonal[i] = M[i * n + i]
     if not cholesky(M, n):
         return False
     for i in range(n):
-        root = M[i * n + i]
-        if not root * root >= LEAST_PIVOT * diagonal[i]:
+        row = M + i * n
+        if not row[i] * row[i] >= LEAST_PIVOT * dot(row, row, i + 1):
             return False
     return True
 

@@ -1,25 +1,26 @@
-"""Factors of dense and of sparse matrices, with refined solves.
+"""Factors with refined solves; those of singular matrices are of least squares.
 
-Of a singular matrix the solutions are those of least squares. The sparse KKT matrix K
-is scaled to rows of size 1 and factored as the quasi-definite K + DELTA diag(I, -I):
-each step of refinement multiplies the error by about DELTA over the least singular
-value of K.
+The KKT matrix K is scaled to rows of size 1 and factored as the quasi-definite K +
+DELTA diag(I, -I): each step of refinement multiplies the error by about DELTA over the
+least singular value of K.
 """
 
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
-from scipy.linalg.lapack import dgecon, dgetrf, dgetrs
+from scipy.linalg.lapack import dgetrf, dgetrs
 from scipy.sparse import csc_array
 from scipy.sparse.linalg import lsmr, splu
 
 from namlcp.arrays import from_arrays
-from namlcp.linalg.csc import add_transposed, times
+from namlcp.checks import no_rows
+from namlcp.linalg.csc import add_transposed, by_rows, times
 from namlcp.qp.kkt import KKT, equilibrate
 
-# A matrix is singular if the reciprocal of its condition, of a sparse one the ratio of
-# its pivots, is below this; singular values below this times its order count as 0.
+# A matrix is singular if the ratio of its pivots is below this; singular values below
+# this times its order count as 0.
 SINGULAR = 1e-13
 # Most steps of refinement, and the residual that ends it, relative to the largest
 # number of right-hand side and solution.
@@ -57,78 +58,56 @@ def refined(
     return w
 
 
-class DenseFactors:
-    """LU factors of K with rows and columns scaled; its pseudo-inverse if singular.
+class LUFactors:
+    """LU factors of K with rows and columns scaled; least squares if it is singular."""
 
-    null_space (order, k): a basis of the vectors that K maps to 0.
-    """
-
-    def __init__(self, K: np.ndarray) -> None:
-        size = np.abs(K)
-        self.rows, self.columns = (size.max(axis=k, initial=0.0) for k in (1, 0))
-        for scale in (self.rows, self.columns):
+    def __init__(self, K: Any) -> None:
+        size = abs(K)
+        self.rows, self.columns = scales = [size.sum(axis=k) for k in (1, 0)]
+        for scale in scales:
             scale[scale == 0.0] = 1.0
             scale **= -0.5
-        self.K = K = self.rows[:, None] * K * self.columns
-        self.inverse, self.null_space = None, np.empty((K.shape[0], 0))
-        if K.size:
-            self.lu, self.pivots, info = dgetrf(K)
-            rcond = 0.0 if info else dgecon(self.lu, np.abs(K).sum(axis=0).max())[0]
-            if rcond < SINGULAR:
-                left, values, right = np.linalg.svd(K)
-                kept = values > SINGULAR * values.size
-                self.inverse = right[kept].T / values[kept] @ left[:, kept].T
-                self.null_space = self.columns[:, None] * right[~kept].T
-        self.regular = not self.null_space.size
+        K, pivots = self.rows[:, None] * K * self.columns, np.zeros(1)
+        if isinstance(K, np.ndarray):
+            lu, order, _ = dgetrf(K)
+            pivots = np.abs(lu.diagonal())
+            self.solve_scaled = lambda v, turned: dgetrs(lu, order, v, turned)[0]
+        else:
+            K = csc_array(K)
+            with suppress(RuntimeError):  # a pivot is exactly 0
+                lu = splu(K)
+                pivots = np.abs(lu.U.diagonal())
+                self.solve_scaled = lambda v, turned: lu.solve(v, "NT"[turned])
+        self.K, self.regular = K, bool(pivots.min() > SINGULAR * pivots.max())
 
     def solve(self, r: np.ndarray, transposed: bool = False) -> np.ndarray:
         K, left, right = self.K, self.rows, self.columns
         if transposed:
             K, left, right = K.T, right, left
-
-        def solve_scaled(v: np.ndarray) -> Any:
-            if self.inverse is None:
-                return dgetrs(self.lu, self.pivots, v, transposed)[0]
-            return (self.inverse.T if transposed else self.inverse) @ v
-
-        return right * refined(solve_scaled, K.__matmul__, left * r) if r.size else r
-
-
-class SparseFactors:
-    """LU factors of a sparse matrix, given by its transpose."""
-
-    def __init__(self, transpose: csc_array) -> None:
-        self.transpose, self.regular = transpose, True
-        try:
-            self.factors = splu(transpose)
-            pivots = np.abs(self.factors.U.diagonal())
-            least, most = pivots.min(initial=1.0), pivots.max(initial=0.0)
-            self.regular = bool(least > SINGULAR * most)
-        except RuntimeError:  # a pivot is exactly 0
-            self.regular = False
-
-    def solve(self, r: np.ndarray, transposed: bool = False) -> np.ndarray:
-        M = self.transpose if transposed else self.transpose.T
-        if not self.regular:
-            return lsmr(M, r, atol=1e-14, btol=1e-14)[0]
-        trans = "N" if transposed else "T"
-        return refined(lambda v: self.factors.solve(v, trans), M.__matmul__, r)
+        if self.regular:
+            w = refined(
+                lambda v: self.solve_scaled(v, transposed), K.__matmul__, left * r
+            )
+        elif isinstance(K, np.ndarray):
+            w = np.linalg.lstsq(K, left * r, SINGULAR * r.size)[0]
+        else:
+            w = lsmr(K, left * r, atol=1e-14, btol=1e-14)[0]
+        return right * w
 
 
 class KKTFactors:
-    """L D L' of a sparse KKT matrix K; `null_space` as of `DenseFactors`."""
+    """L D L' of the sparse matrix K of P and C; all in CSC.
 
-    def __init__(self, kkt: KKT) -> None:
-        self.kkt = kkt
+    null_space (order, k): a basis of the vectors that K maps to 0.
+    """
+
+    def __init__(self, P: Any, C: Any) -> None:
+        self.kkt = kkt = KKT(P, by_rows(C), by_rows(no_rows(C.shape[1])))
         self.scale = np.ones(kkt.size)
         values = kkt.base.copy()
         equilibrate(kkt.indptr, kkt.indices, values, self.scale)
-        upper = values.copy()
-        upper[kkt.diagonal] = 0.0
-        self.triangle, self.upper = (
-            from_arrays((kkt.indptr, kkt.indices, data), (kkt.size, kkt.size))
-            for data in (values, upper)
-        )
+        self.diagonal, shape = values[kkt.diagonal], (kkt.size, kkt.size)
+        self.triangle = from_arrays((kkt.indptr, kkt.indices, values), shape)
         for shift in SHIFTS:
             kkt.data[:] = values
             kkt.data[kkt.diagonal[: kkt.n]] += shift
@@ -163,8 +142,8 @@ class KKTFactors:
         return V
 
     def product(self, w: np.ndarray) -> np.ndarray:
-        Kw = times(self.triangle, w)
-        add_transposed(self.upper, w, Kw)
+        Kw = times(self.triangle, w) - self.diagonal * w
+        add_transposed(self.triangle, w, Kw)
         return Kw
 
     def solve(self, r: np.ndarray, transposed: bool = False) -> np.ndarray:

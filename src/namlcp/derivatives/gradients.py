@@ -165,12 +165,13 @@ def matrix_gradient(
     return rank_two_on(given["PGA".index(name)], s, a, b, t, c, d)
 
 
-def right_sides(changes: dict[str, Any], point: Point) -> tuple[Any, Any, Any]:
-    """Return dP x + dq + dG'z + dA'y, dh - dG x and db - dA x for changes of the data.
+def right_sides(d: dict[str, Any], point: Point, side: Any) -> tuple[Any, ...]:
+    """Return -(dP x + dq + dG'z + dA'y), db - dA x, dh - dG x and dub or dlb.
 
-    Of dP the symmetric part counts. All may have a leading axis, or the changes none.
+    The last one for x_j whose side is not 0. Of dP the symmetric part counts. All may
+    have a leading axis, or the changes none.
     """
-    (x, y, z, _), d = point, changes
+    x, y, z, _ = point
 
     def times(name: str, v: np.ndarray, transposed: bool = False) -> Any:
         M = d.get(name)
@@ -182,7 +183,8 @@ def right_sides(changes: dict[str, Any], point: Point) -> tuple[Any, Any, Any]:
 
     r = d["q"] + 0.5 * (times("P", x) + times("P", x, True))
     r = r + times("G", z, True) + times("A", y, True)
-    return r, d["h"] - times("G", x), d["b"] - times("A", x)
+    moved = np.where(side > 0, d["ub"], d["lb"])
+    return -r, d["b"] - times("A", x), d["h"] - times("G", x), moved
 
 
 class LCPTangent(NamedTuple):

@@ -20,6 +20,8 @@ From order LARGE_LCP on, matrices like those of differential equations are not f
 a Krylov method with truncated multigrid cycles has the hierarchy of the solve.
 """
 
+from contextlib import suppress
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -27,15 +29,14 @@ from scipy.sparse import csc_array, csr_array
 
 from namlcp.checks import from_arrays, no_rows
 from namlcp.derivatives.dense import sides_of_lcp
-from namlcp.derivatives.factors import DenseFactors, KKTFactors, SparseFactors
+from namlcp.derivatives.factors import KKTFactors, LUFactors
 from namlcp.derivatives.gradients import LCPGradients, LCPTangent, change, rank_two_on
 from namlcp.lcp.data import LCP, Operator, Prepared, lcp_data
 from namlcp.lcp.methods import LARGE_LCP, solve_by_method
-from namlcp.lcp.multigrid.hierarchy import FreeSystem, hierarchy_of
+from namlcp.lcp.multigrid.hierarchy import hierarchy_of, solve_free
 from namlcp.lcp.pivoting.pivot import ACCURACY
 from namlcp.limits import Limits
-from namlcp.linalg.csc import arrays_of, by_rows, submatrix
-from namlcp.qp.kkt import KKT
+from namlcp.linalg.csc import arrays_of, submatrix
 from namlcp.status import Status
 
 # Of multigrid solves, relative to the right-hand side.
@@ -55,10 +56,14 @@ class LCPDerivative:
         side, self.weak_side = sides_of_lcp(q, lower, upper, slopes, z, w)
         self.strict_side = side
         self.weak = int(np.count_nonzero(self.weak_side) - np.count_nonzero(side))
-        self.singular = False
+        self.singular, matrix = False, lcp.matrix
         for held in (side, self.weak_side) if self.weak else (side,):
             self.side, self.free = held, np.flatnonzero(held == 0)
-            self.factors = factored(lcp.matrix, self.free)
+            self.factors = None
+            is_large = matrix.is_sparse and self.free.size >= LARGE_LCP
+            if not self.free.size or (is_large and hierarchy_of(matrix) is not None):
+                break
+            self.factors = factored(matrix, self.free)
             if self.factors.regular:
                 break
             self.singular = True
@@ -83,8 +88,30 @@ class LCPDerivative:
         M, free = self.lcp.A.T if transposed else self.lcp.A, self.free
         v = np.where(self.side != 0, fixed, 0.0)
         right = r + M @ v if v.any() else r
-        v[free] = self.factors.solve(-right[free], transposed)
+        if free.size:
+            v[free] = -self.solve_free(right, transposed)
         return v, np.where(self.side != 0, M @ v + r, 0.0)
+
+    def solve_free(self, right: np.ndarray, transposed: bool) -> np.ndarray:
+        """Solve with A_FF or A_FF': by factors, or by cycles as long as these do."""
+        free = self.free
+        if self.factors is None:
+            matrix = self.turned if transposed else self.lcp.matrix
+            hierarchy = hierarchy_of(matrix)
+            if hierarchy is not None:
+                u, converged = solve_free(hierarchy, self.side == 0, right, RESIDUAL)
+                if converged:
+                    return u[free]
+            self.factors = factored(self.lcp.matrix, free)
+        return self.factors.solve(right[free], transposed)
+
+    @cached_property
+    def turned(self) -> Prepared:
+        """A'."""
+        matrix = self.lcp.matrix
+        if matrix.symmetric:
+            return matrix
+        return Prepared.unchecked(csr_array(matrix.A.T), False)
 
     def directional(self, *changes: Any) -> LCPTangent:
         if not self.weak and not self.singular:
@@ -113,62 +140,15 @@ class LCPDerivative:
         return r, change("dlower", dlower, "q", q), change("dupper", dupper, "q", q)
 
 
-def factored(
-    matrix: Prepared, free: np.ndarray
-) -> "DenseFactors | KKTFactors | SparseFactors | Multigrid":
-    """Return A_FF ready for solves."""
+def factored(matrix: Prepared, free: np.ndarray) -> LUFactors | KKTFactors:
+    """Return the factors of A_FF, without pivoting if it is sparse and definite."""
     if not matrix.is_sparse:
-        return DenseFactors(matrix.A[np.ix_(free, free)])
-    if free.size >= LARGE_LCP and hierarchy_of(matrix) is not None:
-        return Multigrid(matrix, free)
-    return sparse_factors(matrix, free)
-
-
-def sparse_factors(matrix: Prepared, free: np.ndarray) -> KKTFactors | SparseFactors:
-    """Return the factors of a sparse A_FF, without pivoting if it is definite."""
+        return LUFactors(matrix.A[np.ix_(free, free)])
     transpose = from_arrays(arrays_of(matrix.A), matrix.A.shape, csc_array)
     transpose = submatrix(transpose, free, free)
     if matrix.symmetric:
-        none = by_rows(no_rows(free.size))
-        try:
-            found = KKTFactors(KKT(transpose, none, none))
+        with suppress(ValueError):  # a pivot vanishes: A is indefinite
+            found = KKTFactors(transpose, no_rows(free.size))
             if (found.kkt.plan().pivots > 0.0).all():
                 return found
-        except ValueError:  # a pivot vanishes: A is indefinite
-            pass
-    return SparseFactors(transpose)
-
-
-class Multigrid:
-    """A large sparse A_FF by truncated cycles, factored where these do not converge."""
-
-    regular = True  # for all that is known before it is factored
-
-    def __init__(self, matrix: Prepared, free: np.ndarray) -> None:
-        self.matrix, self.free = matrix, free
-        self.factors: KKTFactors | SparseFactors | None = None
-        self.systems: dict[bool, FreeSystem | None] = {}
-
-    def system(self, transposed: bool) -> FreeSystem | None:
-        """Return that of A_FF or A_FF', None if it does not suit the cycles."""
-        if transposed not in self.systems:
-            matrix, mask = self.matrix, np.zeros(self.matrix.n, dtype=bool)
-            mask[self.free] = True
-            if transposed:
-                matrix = Prepared.unchecked(csr_array(matrix.A.T), False)
-            hierarchy = hierarchy_of(matrix)
-            found = None if hierarchy is None else FreeSystem(hierarchy, mask)
-            self.systems[transposed] = found
-        return self.systems[transposed]
-
-    def solve(self, r: np.ndarray, transposed: bool = False) -> np.ndarray:
-        if self.factors is None:
-            system = self.system(transposed and not self.matrix.symmetric)
-            if system is not None:
-                b = np.zeros(self.matrix.n)
-                b[self.free] = r
-                u, converged = system.solve(b, RESIDUAL)
-                if converged:
-                    return u[self.free]
-            self.factors = sparse_factors(self.matrix, self.free)
-        return self.factors.solve(r, transposed)
+    return LUFactors(transpose.T)

@@ -16,15 +16,12 @@ of a scalar in the solution:
     g_q = -u,   g_h = lam,   g_b = nu,   g_lb, g_ub = mu at the bounds active there
     g_P = -(u x' + x u')/2,   g_G = -(z u' + lam x'),   g_A = -(y u' + nu x')
 
-Forward, along a direction of the data, with r = dP x + dq + dG'z + dA'y:
+Forward, the derivatives are (u, nu, lam, mu) of the same system with -(dP x + dq + dG'z
++ dA'y), db - dA x, dh - dG x and dlb or dub in place of gx, gy, gz and gz_box.
 
-    dx_B = dlb or dub,   e = (db - dA x, (dh - dG x)_I),   dx0 = (dx_B, 0)
-    K (dx_F, dv) = (-(r + P dx0)_F, e - C dx0)
-    dz_box_B = -(P dx + C'dv + r)_B
-
-(Amos and Kolter, OptNet, ICML 2017; Magoon et al., dQP, 2024.) These are the
-derivatives where all active constraints are strictly active and K is regular.
-Elsewhere the solution has kinks, and an element of the generalised Jacobian is chosen:
+(Amos and Kolter, OptNet, ICML 2017; Magoon et al., dQP, 2024.) This holds where all
+active constraints are strictly active and K is regular. Elsewhere the solution has
+kinks, and an element of the generalised Jacobian is chosen:
 
 1. weakly active constraints are dropped;
 2. where strictly active ones depend on each other, independent ones that carry all
@@ -36,24 +33,22 @@ Elsewhere the solution has kinks, and an element of the generalised Jacobian is 
 Steps 1 and 2 are derivatives nearby: with the right-hand sides of the dropped rows
 raised, x is still the solution, with the multipliers taken, and all is regular.
 
-Along one direction the solution moves like that of the QP of the critical cone,
+Along one direction the solution moves like that of the QP of the critical cone, with
+the right-hand sides e of the forward derivative,
 
-    min 1/2 dx'P dx + r'dx
-    G_i dx  = (dh - dG x)_i  where z_i > 0,   <=  where row i is weakly active
-    A dx = db - dA x,   bounds alike,
+    min 1/2 dx'P dx + r'dx,   G_i dx = e_i where z_i > 0,  <= where row i is weakly
+    active,   A dx = e,   bounds alike,
 
 whose multipliers are the derivatives of y, z and z_box (Robinson, Math. Programming
 Study 19 (1982) 200-221; Bonnans and Shapiro, Perturbation Analysis of Optimization
-Problems, 2000, ch. 5).
-
-Multipliers of constraints that depend on each other are not unique: they are those of
-one solution plus N t, with the signs that rows and bounds want, where N spans the
-combinations (y, z, z_box) of active constraints with A'y + G'z + z_box = 0. Along a
-direction t solves an LP, as the derivative of the optimal value has to be largest,
-
-    (dG x - dh)'z + (dA x - db)'y - dlb'z_box^- - dub'z_box^+   (Danskin).
+Problems, 2000, ch. 5). Multipliers of constraints that depend on each other are not
+unique: they are those of one solution plus N t, with the signs that rows and bounds
+want, where N spans the combinations (y, z, z_box) of active constraints with A'y + G'z
++ z_box = 0. Of these the derivative of the optimal value has to be largest (Danskin),
+an LP in t: e'(y, z) and the moves of the bounds times z_box least.
 """
 
+from collections.abc import Sequence
 from functools import cached_property, partial
 from time import perf_counter
 from types import SimpleNamespace
@@ -62,9 +57,9 @@ from typing import Any
 import numpy as np
 from scipy.sparse import vstack
 
-from namlcp.checks import clean_copy, no_rows, real_array, refuse_number
+from namlcp.checks import as_sparse, clean_copy, real_array, refuse_number
 from namlcp.derivatives.dense import DenseItem, differentiate_part, sides_of
-from namlcp.derivatives.factors import DenseFactors, KKTFactors
+from namlcp.derivatives.factors import KKTFactors
 from namlcp.derivatives.gradients import (
     BatchGradients,
     QPGradients,
@@ -74,12 +69,11 @@ from namlcp.derivatives.gradients import (
     rank_two_on,
     right_sides,
 )
-from namlcp.linalg.csc import add_transposed, by_rows, submatrix, times
+from namlcp.linalg.csc import add_transposed, submatrix, times
 from namlcp.options import DEFAULT_OPTIONS, check_count
 from namlcp.qp.batch import Items, available_cores, chunks_of, on_threads
 from namlcp.qp.closest import Face
 from namlcp.qp.intake import qp_data
-from namlcp.qp.kkt import KKT
 from namlcp.qp.problem import NO_GUESS, QP, Point
 from namlcp.qp.route import solve_checked
 from namlcp.status import Status
@@ -92,16 +86,9 @@ VANISHED, INDEPENDENT = 1e-9, 1e-6
 class QPDerivative:
     """The derivative of one solution.
 
-    Attributes
-    ----------
-    item : DenseItem or None
-        A dense QP whose strictly active constraints have good Cholesky factors.
-    held, factors : array, DenseFactors or KKTFactors
-        Else the sides of the constraints held, see `dense`, and the factors of K.
-    point : Point
-        The `solution`, with multipliers 0 of constraints that are not held.
-    weak, singular : int, bool
-        As in `QPGradients`.
+    item: a dense QP whose strictly active constraints have good Cholesky factors, or
+    None. Otherwise there are the sides of the constraints `held`, see `dense`, and the
+    `factors` of K. point: the `solution`, with multipliers 0 of what is not held.
     """
 
     def __init__(
@@ -138,21 +125,17 @@ class QPDerivative:
         rows = self.qp.A, self.qp.G
         return np.concatenate(rows) if self.qp.is_dense else vstack(rows, "csc")
 
-    def factored(self, held: np.ndarray) -> DenseFactors | KKTFactors:
+    def factored(self, held: np.ndarray) -> KKTFactors:
         """Return the factors of K for held constraints."""
-        P, C, rows = self.qp.P, self.C, self.C.shape[0]
-        at, free = np.flatnonzero(held[:rows]), np.flatnonzero(held[rows:] == 0)
-        if self.qp.is_dense:
-            C, zero = C[np.ix_(at, free)], np.zeros((at.size, at.size))
-            return DenseFactors(np.block([[P[np.ix_(free, free)], C.T], [C, zero]]))
-        P, C = submatrix(P, free, free), by_rows(submatrix(C, at, free))
-        return KKTFactors(KKT(P, C, by_rows(no_rows(free.size))))
+        P, C = as_sparse(self.qp.P), as_sparse(self.C)
+        at = np.flatnonzero(held[: C.shape[0]])
+        free = np.flatnonzero(held[C.shape[0] :] == 0)
+        return KKTFactors(submatrix(P, free, free), submatrix(C, at, free))
 
     def dependencies(self, held: np.ndarray, null_space: np.ndarray) -> np.ndarray:
         """Return N, which spans the combinations of held constraints that vanish.
 
-        It is read from the null space of K. A vector (u, v) of that has P u = 0, C u =
-        0 and C'v = 0: v alone is a dependency.
+        A vector (u, v) of the null space of K has P u = 0, C u = 0 and C'v = 0.
         """
         C, rows = self.C, self.C.shape[0]
         at = np.flatnonzero(held[:rows])
@@ -195,15 +178,9 @@ class QPDerivative:
         return 0.0 - u, lam, nu, (side < 0) * mu, (side > 0) * mu
 
     def forward(self, changes: dict[str, Any]) -> QPTangent:
-        """Return the derivative of the solution along a direction of the data.
-
-        K is symmetric: `solve` has its system, with other right-hand sides.
-        """
-        d = self.direction(changes)
-        r, dh, db = right_sides(d, self.point)
-        side = self.solution.z_box if self.item else self.held[-d["q"].size :]
-        moved = np.where(side > 0, d["ub"], d["lb"])  # read where x_j is held
-        q, h, b, lb, ub = self.solve((-r, db, dh, moved))
+        d, n = self.direction(changes), self.qp.q.size
+        side = self.solution.z_box if self.item else self.held[-n:]
+        q, h, b, lb, ub = self.solve(right_sides(d, self.point, side))
         return QPTangent(0.0 - q, b, h, lb + ub, self.weak, self.singular)
 
     def directional(self, changes: dict[str, Any]) -> QPTangent:
@@ -212,21 +189,20 @@ class QPDerivative:
         qp, d, C = self.qp, self.direction(changes), self.C
         _, whole, _ = sides_of(qp, self.solution)
         point = self.steepest(whole, d)
-        r, dh, db = right_sides(d, point)
         held, _, _ = sides_of(qp, point)
-        p, rows, e = qp.b.size, C.shape[0], np.concatenate((db, dh))
+        p, rows = qp.b.size, C.shape[0]
         side, fixed = whole[rows:], held[rows:] != 0
+        r, db, dh, moved = right_sides(d, point, side)
+        e = np.concatenate((db, dh))
         at = np.flatnonzero(held[:rows])
         weak = np.flatnonzero((whole[:rows] != 0) & (held[:rows] == 0))
-        moved = np.where(side < 0, d["lb"], d["ub"])
         lower = np.where(fixed | (side < 0), moved, -np.inf)
         upper = np.where(fixed | (side > 0), moved, np.inf)
-        words = (
+        dx, y, z, dz_box = solved(
             "the solution has no derivative along this direction: the QP of the "
-            "critical cone is {}"
-        )
-        rights = C[weak], e[weak], C[at], e[at]
-        dx, y, z, dz_box = solved(words, qp.P, r, *rights, lower, upper)
+            "critical cone is {}",
+            qp.P, -r, C[weak], e[weak], C[at], e[at], lower, upper,
+        )  # fmt: skip
         v = np.zeros(rows)
         v[at], v[weak] = y, z
         return QPTangent(dx, v[:p], v[p:], dz_box, self.weak, self.singular)
@@ -238,16 +214,15 @@ class QPDerivative:
         if not N.size:
             return point
         sign, value = signs(qp, whole), np.concatenate(point[1:])
-        _, dh, db = right_sides(d, point)
-        moved = np.where(whole[-qp.q.size :] < 0, d["lb"], d["ub"])
-        slope = np.concatenate((db, dh, moved)) @ N
+        _, *rights = right_sides(d, point, whole[-qp.q.size :])
+        slope = np.concatenate(rights) @ N
         zero, signed = np.zeros((slope.size, slope.size)), sign != 0
         G, h = -(sign[:, None] * N)[signed], np.maximum(sign * value, 0.0)[signed]
-        words = (
+        best = solved(
             "the QP has no solution along this direction: its constraints contradict "
-            "each other (the LP of the multipliers is {})"
-        )
-        best = solved(words, zero, slope, G, h, None, None, None, None)
+            "each other (the LP of the multipliers is {})",
+            zero, slope, G, h, None, None, None, None,
+        )  # fmt: skip
         value = value + N @ best.x
         return Point(point.x, *np.split(value, (qp.b.size, qp.b.size + qp.h.size)))
 
@@ -384,11 +359,12 @@ class BatchDerivative:
     def __init__(
         self, items: Items, points: Point, used: np.ndarray, threads: int | None
     ) -> None:
-        self.items, self.points, self.used = items, points, used
+        self.items, self.used = items, used
+        self.points = Point(*(np.where(used[:, None], v, 0.0) for v in points))
         self.threads = available_cores() if threads is None else threads
         check_count("threads", self.threads)
 
-    def solve(self, cotangents: tuple[np.ndarray, ...]) -> SimpleNamespace:
+    def solve(self, cotangents: Sequence[Any]) -> SimpleNamespace:
         """Return what is found of the items, one after another.
 
         vectors: the gradients in q, h, b, lb and ub. points: the solutions with
@@ -396,15 +372,12 @@ class BatchDerivative:
         and variables, see `dense`. weak: how many constraints are; regular: whether K
         is, with the strictly active constraints.
         """
-        items, shown = self.items, self.used[:, None]
-        points = Point(*(np.where(shown, v, 0.0) for v in self.points))
-        parts = tuple(np.where(shown, v, 0.0) for v in cotangents)
-        for name, part in zip(Point._fields, parts, strict=True):
-            refuse_number(f"d{name}", part, False)
+        items, points = self.items, Point(*map(np.copy, self.points))
+        pairs = zip(Point._fields, cotangents, points, strict=True)
+        parts = tuple(self.checked(*pair) for pair in pairs)
         n, m, p = points.x.shape[1], points.z.shape[1], points.y.shape[1]
         count, chosen = self.used.size, np.flatnonzero(self.used)
         out = np.zeros((count, 3 * n + m + p))
-        vectors = np.split(out, np.cumsum((n, m, p, n)), axis=1)
         sides, weak = np.zeros((count, m + n), np.int8), np.zeros(count, np.intp)
         regular = np.zeros(count, bool)
         if items.shared.is_dense:
@@ -429,32 +402,30 @@ class BatchDerivative:
             _, points.y[i], points.z[i], _ = derivative.point
 
         on_threads(work, chosen.size, self.threads)
+        vectors = np.split(out, np.cumsum((n, m, p, n)), axis=1)
         return SimpleNamespace(
             vectors=vectors, points=points, sides=sides, weak=weak, regular=regular
         )
 
+    def checked(self, name: str, value: Any, own: np.ndarray) -> np.ndarray:
+        """Return gradients in a part of all points, 0 of items that are not used."""
+        array = np.zeros(own.shape) if value is None else real_array(f"d{name}", value)
+        if array.shape != own.shape:
+            raise ValueError(
+                f"d{name} must have shape {own.shape} to match {name}, "
+                f"got {array.shape}"
+            )
+        array = np.where(self.used[:, None], array, 0.0)
+        refuse_number(f"d{name}", array, False)
+        return array
+
     def backward(self, *cotangents: Any) -> BatchGradients:
-        pairs = zip(Point._fields, cotangents, self.points, strict=True)
-        found = self.solve(tuple(checked_gradient(*pair) for pair in pairs))
-        given, stacked = self.items.given, self.items.stacked
-        matrix = partial(
-            matrix_gradient, given, found.vectors, found.points, stacked=stacked
-        )
+        found, stacked = self.solve(cotangents), self.items.stacked
+        given, vectors, points = self.items.given, found.vectors, found.points
+        matrix = partial(matrix_gradient, given, vectors, points, stacked=stacked)
         q, h, b, lb, ub = (
             v.copy() if name in stacked else v.sum(axis=0)
-            for name, v in zip(("q", "h", "b", "lb", "ub"), found.vectors, strict=True)
+            for name, v in zip(("q", "h", "b", "lb", "ub"), vectors, strict=True)
         )
         singular = self.used & ~found.regular
         return BatchGradients(q, h, b, lb, ub, found.weak, singular, matrix, self.used)
-
-
-def checked_gradient(name: str, value: Any, own: np.ndarray) -> np.ndarray:
-    """Return gradients in a part of all points checked, zeros if absent."""
-    if value is None:
-        return np.zeros(own.shape)
-    array = real_array(f"d{name}", value)
-    if array.shape != own.shape:
-        raise ValueError(
-            f"d{name} must have shape {own.shape} to match {name}, got {array.shape}"
-        )
-    return array

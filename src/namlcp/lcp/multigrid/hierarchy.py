@@ -182,28 +182,24 @@ class Hierarchy(NamedTuple):
     levels: list[Level]
 
 
-class FreeSystem:
-    """A_FF x = b for one F and any number of right-hand sides; F (n,) is a mask."""
+def solve_free(
+    hierarchy: Hierarchy, free: np.ndarray, b: np.ndarray, accuracy: float
+) -> tuple[np.ndarray, bool]:
+    """Solve A_FF x_F = b_F by Krylov's method with cycles; F (n,) is a mask.
 
-    def __init__(self, hierarchy: Hierarchy, free: np.ndarray) -> None:
-        self.scale, self.free = hierarchy.scale, free
-        self.cycle = VCycle(hierarchy.levels, hierarchy.symmetric)
-        self.cycle.faces[0].dinv[~free] = 0.0
-        self.cycle.follow_face(0)
-
-    def solve(self, b: np.ndarray, accuracy: float) -> tuple[np.ndarray, bool]:
-        """Return x (n,), 0 outside F, and whether |b - A x|_F <= accuracy |b|_F.
-
-        Entries of b (n,) outside F are not read. The norm is that of the hierarchy's
-        scaling.
-        """
-        A, scale, free = self.cycle.levels[0].A, self.scale, self.free
-        b = np.where(free, scale * b, 0.0)
-        x, r, goal = np.zeros(b.size), b, accuracy * float(np.linalg.norm(b))
-        for _ in range(RESTARTS):
-            x += self.cycle.krylov(0, r.copy(), goal, LINEAR_STEPS)
-            r = np.where(free, b - A @ x, 0.0)
-        return scale * x, bool(np.linalg.norm(r) <= goal)
+    Returns x (n,), 0 outside F, and whether |b - A x|_F <= accuracy |b|_F in the norm
+    of the scaled system of the hierarchy.
+    """
+    A, scale = hierarchy.levels[0].A, hierarchy.scale
+    cycle = VCycle(hierarchy.levels, hierarchy.symmetric)
+    cycle.faces[0].dinv[~free] = 0.0
+    cycle.follow_face(0)
+    b = np.where(free, scale * b, 0.0)
+    x, r, goal = np.zeros(b.size), b, accuracy * float(np.linalg.norm(b))
+    for _ in range(RESTARTS):
+        x += cycle.krylov(0, r.copy(), goal, LINEAR_STEPS)
+        r = np.where(free, b - A @ x, 0.0)
+    return scale * x, bool(np.linalg.norm(r) <= goal)
 
 
 def suits(A: Any) -> bool:
