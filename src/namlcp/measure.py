@@ -17,7 +17,7 @@ from cython.cimports.namlcp.linalg.csc import (
     columns_times_transposed,
     take_columns,
 )
-from cython.cimports.namlcp.linalg.vectors import box_squares, fill
+from cython.cimports.namlcp.linalg.vectors import fill
 
 # If all terms of the gap are smaller than this, then its rounding error is below 1e-12
 # in whatever order they are added.
@@ -246,8 +246,11 @@ def natural_squares(z, w, lower, upper):
     n: cython.Py_ssize_t = z.size
     a, b = numbers(z, n), numbers(w, n)
     l, u = numbers(lower, n), numbers(upper, n)
+    total = 0.0
     with cython.nogil:
-        total = box_squares(a, b, l, u, cython.NULL, cython.NULL, n)
+        for i in range(n):
+            r = deviation(a[i], b[i], l[i], u[i])
+            total += r * r
     return total
 
 
