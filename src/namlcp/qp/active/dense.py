@@ -18,8 +18,8 @@ import cython
 from cython import Py_ssize_t
 from cython.cimports.libc.math import INFINITY, NAN, fabs, sqrt
 from cython.cimports.namlcp.linalg.blas import (
+    add_gram,
     cholesky,
-    gram,
     invert_lower,
     times_lower,
 )
@@ -321,7 +321,7 @@ def prepare(m):
         copy(m.G + i * n, claim_place(m, i) + rows, n)
     W, U = m.responses, m.responses + rows  # G P^-1 G' and G P^-1, side by side
     times_lower(U, rows, length, m.factor, n, b"T")
-    gram(U, rows, n, length, W, length)
+    add_gram(U, rows, n, length, b"T", 0.0, W, length)
     times_lower(U, rows, length, m.factor, n, b"N")
     for i in range(rows):
         for j in range(i):
