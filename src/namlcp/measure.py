@@ -17,13 +17,11 @@ from cython.cimports.namlcp.linalg.csc import (
     columns_times_transposed,
     take_columns,
 )
-from cython.cimports.namlcp.linalg.vectors import box_squares, fill
+from cython.cimports.namlcp.linalg.vectors import fill
 
 # If all terms of the gap are smaller than this, then its rounding error is below 1e-12
 # in whatever order they are added.
 LARGE_TERM = 250.0
-# The spacing of the numbers next to 1.
-UNIT = 2.0**-52
 
 
 def measure(t, found):
@@ -202,15 +200,6 @@ def signed_gap(qp, point, Px):
     return gap_by_products(cython.address(t), data_of(work), data_of(work) + size)
 
 
-def rounding_errors(P, G, A, x, y, z):
-    """Return bounds of what another order of the sums changes in the three residuals.
-
-    Of all these the 2-norms: the moduli of the terms of a row of M x sum up to at most
-    || M ||_F || x ||_2. The gap's other sums run over vectors, in one order only.
-    """
-    return UNIT * max(G, A) * x, UNIT * (P * x + G * z + A * y), UNIT * P * x * x
-
-
 def on_bounds(x, z_box, lb, ub, moves):
     """Return (x, z_box) with x in its bounds, and signs that these allow.
 
@@ -246,8 +235,11 @@ def natural_squares(z, w, lower, upper):
     n: cython.Py_ssize_t = z.size
     a, b = numbers(z, n), numbers(w, n)
     l, u = numbers(lower, n), numbers(upper, n)
+    total = 0.0
     with cython.nogil:
-        total = box_squares(a, b, l, u, cython.NULL, cython.NULL, n)
+        for i in range(n):
+            r = deviation(a[i], b[i], l[i], u[i])
+            total += r * r
     return total
 
 

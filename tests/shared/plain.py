@@ -147,7 +147,7 @@ GIVEN = {
     "namlcp.linalg.vectors": SimpleNamespace(
         dot=dot, four_dots=four_dots, add_scaled=add_scaled, add_four=add_four,
         copy=copy, fill=fill, hash_of=None,
-        largest_entry=largest_entry, box_squares=None, times_line=times_line,
+        largest_entry=largest_entry, times_line=times_line,
         add_line=add_line,
     ),
     "namlcp.box": SimpleNamespace(clip=None, deviation=None),
@@ -158,7 +158,7 @@ GIVEN = {
     "namlcp.linalg.sparse_ldl": SimpleNamespace(Factors=object, as_array=None),
     "namlcp.linalg.blas": SimpleNamespace(
         blas_dot=dot, blas_times=None, cholesky=None, invert_lower=None,
-        times_lower=None, gram=None, add_squares=None, cholesky_solve=None,
+        times_lower=None, add_gram=None, cholesky_solve=None,
     ),
 }  # fmt: skip
 INSTEAD = {"namlcp.qp.active.engine": {"reals": reals, "indices": indices}}

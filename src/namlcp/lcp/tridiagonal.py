@@ -15,7 +15,7 @@ import cython
 import numpy as np
 from cython.cimports.libc.math import NAN, fabs, sqrt
 from cython.cimports.namlcp.box import clip
-from cython.cimports.namlcp.linalg.vectors import box_squares, copy, fill
+from cython.cimports.namlcp.linalg.vectors import copy, fill
 from cython.cimports.namlcp.measure import are_met
 
 from namlcp.status import Status
@@ -125,9 +125,16 @@ def clip_into_box(m, z, w):
 
 
 def set_residuals(m, z, w):
-    null, lower, upper = cython.NULL, m.lower, m.upper
-    m.plain = sqrt(box_squares(z, w, lower, upper, null, null, m.n))
-    m.scaled = sqrt(box_squares(z, w, lower, upper, m.diagonal, m.root, m.n))
+    plain, scaled = 0.0, 0.0
+    for i in range(m.n):
+        x, low, high = z[i], z[i] - m.lower[i], z[i] - m.upper[i]
+        r = max(min(w[i], low), high) + 0.0 * x
+        plain += r * r
+        b = m.root[i]  # before squaring, or low may underflow
+        a = m.diagonal[i] * b
+        r = max(min(w[i] * b, low * a), high * a) + 0.0 * x
+        scaled += r * r
+    m.plain, m.scaled = sqrt(plain), sqrt(scaled)
 
 
 def begin(m):

@@ -47,19 +47,13 @@ def plan_lu(indptr: np.ndarray, indices: np.ndarray) -> Fronts:
 
     No row is exchanged. `another` gives factors of further matrices of the pattern.
     """
-    n = indptr.size - 1
-    numbers = np.arange(indices.size)
-    columns = np.repeat(np.arange(n), np.diff(indptr))
+    n, numbers = indptr.size - 1, np.arange(indices.size)
     # by rows, the entries of a symmetric pattern are those across the diagonal
     across = csc_array((numbers, indices, indptr), shape=(n, n)).tocsr().data
-    upper = indices <= columns
-    rows, columns = indices[upper].astype(np.int32), columns[upper]
-    counts = np.bincount(columns, minlength=n)
-    starts = np.concatenate(([0], np.cumsum(counts))).astype(np.int32)
-    order = best_order(starts, rows, NEVER)
-    pairs = np.array([numbers[upper], across[upper]])
-    is_below = order.place[rows] > order.place[columns]  # in the order of elimination
-    return Fronts(starts, rows, order, np.where(is_below, pairs, pairs[::-1]))
+    order = best_order(indptr, indices, NEVER)
+    is_below = order.place[indices] > np.repeat(order.place, np.diff(indptr))
+    pairs = np.where(is_below, (numbers, across), (across, numbers))
+    return Fronts(indptr, indices, order, pairs)
 
 
 def best_order(indptr: np.ndarray, indices: np.ndarray, deadline: Deadline) -> Order:

@@ -102,40 +102,6 @@ HOT void subtract_sum(double fa, const double *RESTRICT a, double fb,
         out[i] -= fa * a[i] + fb * b[i] + fc * c[i] + fd * d[i];
 }
 
-/* max(min(w, below), above), NaN if z is: `deviation`. */
-static inline double between(double w, double below, double above, double z) {
-    double r = below < w ? below : w;
-    return (above > r ? above : r) + 0.0 * z;
-}
-
-/* The square of z - clip(z - w, lower, upper) at i; unless d is NULL, of this for w times
-   root, and z and the bounds times root d: before squaring, or z - lower may underflow. */
-static inline double box_square(const double *z, const double *w, const double *lower,
-                                const double *upper, const double *d, const double *root,
-                                ptrdiff_t i) {
-    double x = z[i], b = d ? root[i] : 1.0, a = d ? d[i] * b : 1.0;
-    double r = between(w[i] * b, (x - lower[i]) * a, (x - upper[i]) * a, x);
-    return r * r;
-}
-
-static inline double sum_squares(const double *z, const double *w, const double *lower,
-                                 const double *upper, const double *d, const double *root,
-                                 ptrdiff_t n) {
-    double s[4] = {0.0, 0.0, 0.0, 0.0};
-    ptrdiff_t i = 0;
-    for (; i + 4 <= n; i += 4)
-        for (int l = 0; l < 4; l++) s[l] += box_square(z, w, lower, upper, d, root, i + l);
-    for (int l = 0; i < n; i++, l++) s[l] += box_square(z, w, lower, upper, d, root, i);
-    return (s[0] + s[1]) + (s[2] + s[3]);
-}
-
-HOT double box_squares(const double *z, const double *w, const double *lower,
-                       const double *upper, const double *d, const double *root,
-                       ptrdiff_t n) {
-    return d ? sum_squares(z, w, lower, upper, d, root, n)
-             : sum_squares(z, w, lower, upper, NULL, NULL, n);
-}
-
 /* A hash of the bits and places of numbers (mod 2^64): the products of the halves of each,
    mixed, as in XXH3 (Collet, 2019). Vectors of numbers have these. `total`: the hash of
    the arrays before, whose order counts. */

@@ -17,10 +17,6 @@ cdef extern from "vectors.h" nogil:
         double fc, const double* c, double fd, const double* d,
         double* out, Py_ssize_t n
     ) noexcept
-    double box_squares(
-        const double* z, const double* w, const double* lower, const double* upper,
-        const double* d, const double* root, Py_ssize_t n
-    ) noexcept
     unsigned long long hash_of(
         const double* values, Py_ssize_t n, unsigned long long total
     ) noexcept

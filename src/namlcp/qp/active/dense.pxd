@@ -1,4 +1,4 @@
-from namlcp.linalg.blas cimport cholesky, gram, invert_lower, times_lower
+from namlcp.linalg.blas cimport add_gram, cholesky, invert_lower, times_lower
 from namlcp.linalg.dense cimport add_times_transposed, append_to_triangle, factor_in_place
 from namlcp.linalg.dense cimport invert_triangle, remove_from_triangle
 from namlcp.linalg.dense cimport times_rows, times_triangle, times_triangle_transposed

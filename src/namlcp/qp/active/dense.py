@@ -407,7 +407,7 @@ def prepare(m):
         copy(m.G + i * n, claim_place(m, i) + rows, n)
     W, U = m.responses, m.responses + rows  # G P^-1 G' and G P^-1, side by side
     times_lower(U, rows, length, m.factor, n, b"T")
-    gram(U, rows, n, length, W, length)
+    add_gram(U, rows, n, length, b"T", 0.0, W, length)
     times_lower(U, rows, length, m.factor, n, b"N")
     for i in range(rows):
         for j in range(i):
