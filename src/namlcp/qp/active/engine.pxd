@@ -121,4 +121,3 @@ cdef Code step(ActiveSet m) noexcept nogil
 cdef Code excuse(ActiveSet m) noexcept nogil
 cdef Code pivot(ActiveSet m) noexcept nogil
 cdef void set_contradiction(ActiveSet m) noexcept nogil
-cdef bint factor_active(ActiveSet m) noexcept nogil

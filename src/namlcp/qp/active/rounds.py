@@ -52,8 +52,6 @@ ACCURATE, ROUNDING = 1e-12, 4e-15
 GAIN = 0.5
 # In place of 0 where a size is divided by; what is infinite beside sides of about 1.
 LEAST_DIVISOR, INFINITE = checks.LEAST_DIVISOR, checks.INFINITE
-# Dual residual over its terms that shows a multiplier of the wrong sign.
-WRONG = 1e-14
 # rho over that power of 16, if no other is asked for; m.wanted without any weight.
 RHO, NO_WEIGHT = 1e-4, -1.0
 # Diagonal entry of P, over the largest one, up to which it counts as 0.
@@ -66,15 +64,15 @@ EXACT, GOOD = 1e-15, 1e-10
 # Curvature over that of D up to which there is none, and the residual at which a
 # direction without it is one of rounding errors.
 FLAT, NEARLY_EXACT = 1e-13, 1e-12
-# The change of x is rounding where the active rows take away all but CANCELLED of it,
-# or it is TINY times x. The point is brought to its face first, up to ON_FACE, by
-# STEADY passes.
-CANCELLED, TINY, ON_FACE = 1e-11, 1e-14, 1e-14
+# What is rounding: of the change of x, where the active rows take away all but
+# CANCELLED of it; TINY over x, of that and of the distance from a face, to which STEADY
+# passes bring the point first; TINY of a dual residual over its terms, else a sign is
+# wrong; TINY of P d over d for a ray d, in scaled variables.
+CANCELLED, TINY = 1e-11, 1e-14
 # Curvature over that of W up to which a direction may be near a ray.
 OPEN = 0.1
-# RAY_GAIN: the gain of one of the RAY_PASSES below which it was the last; the largest
-# P d over d, in scaled variables, and that at which no pass follows.
-RAY_GAIN, MOST_CURVED, CLEAN = 0.9, 1e-9, 1e-14
+# The gain of one of the RAY_PASSES below which it was the last; the largest P d over d.
+RAY_GAIN, MOST_CURVED = 0.9, 1e-9
 # Growth of a row of norm 1 along a direction of size 1 up to which it is rounding.
 LEAST_GROWTH = 1e-11
 
@@ -153,7 +151,7 @@ def settle(m):
     if clip_point(m):
         m.set_products(False)
     measure_point(m)
-    is_rough: cython.bint = m.found.dual > WRONG * m.found.dual_size
+    is_rough: cython.bint = m.found.dual > TINY * m.found.dual_size
     if is_rough and m.retries > 0 and are_within(m, 0.0):
         m.retries -= 1
         return STUCK
@@ -331,7 +329,7 @@ def descend(m):
         is_rounding: cython.bint = size <= CANCELLED * whole or size <= TINY * size_of(
             m, m.s
         )
-        if is_rounding or (away > ON_FACE and turn < STEADY):
+        if is_rounding or (away > TINY and turn < STEADY):
             take_change(m)
             before = 0.0
             continue
@@ -436,7 +434,7 @@ def is_ray(m):
         for j in range(n):
             curved = max(curved, fabs(m.Palong[j]) / m.scale[m.m + j])
         ratio = curved / max(size_of(m, m.change), LEAST_DIVISOR)
-        if not CLEAN < ratio < RAY_GAIN * last:
+        if not TINY < ratio < RAY_GAIN * last:
             break
         last = ratio
     if not (dot(m.q, ray, n) < 0.0 and ratio <= MOST_CURVED):
