@@ -53,8 +53,8 @@ cdef class ActiveSet(Watched):
         double *responses
         Py_ssize_t *place, *owner
         Py_ssize_t next_place
-        # Products of the point; right-hand sides; a refinement, and what was best before.
-        double *Px, *Gx, *Ax, *Gtz, *Aty, *rhs, *change, *best, *best_multiplier
+        # Products of the point; right-hand sides; a refinement.
+        double *Px, *Gx, *Ax, *Gtz, *Aty, *rhs, *change
         # Of `rounds`: W, what it is made of; the centre; P times the direction.
         double *weight, *shape, *reach, *centre, *Palong
         # rho in W, 0 without W; what it is to be over that of the data, 0 for W only
@@ -62,7 +62,6 @@ cdef class ActiveSet(Watched):
         readonly double rho
         public double wanted
         double largest
-        Py_ssize_t retries
         # Whether the point is on the face of `dense`, whose operators hold active rows.
         bint on_face
         # The row that enters (-1: none) and its side, its multiplier so far.

@@ -189,9 +189,8 @@ def lay_out_rows(m):
     m.capacity = min(rows, max(most + 4, places))
     size = most * (most + 1) // 2
     m.s0, m.s, m.direction = reals(m, length), reals(m, length), reals(m, length)
-    m.best, m.change, m.scale = reals(m, length), reals(m, length), reals(m, rows)
-    m.best_multiplier, m.multiplier = reals(m, most + 1), reals(m, most + 1)
-    m.active, m.side = indices(m, most + 1), indices(m, rows)
+    m.change, m.scale, m.side = reals(m, length), reals(m, rows), indices(m, rows)
+    m.active, m.multiplier = indices(m, most + 1), reals(m, most + 1)
     m.triangle = reals(m, size)
     m.coefficient, m.ratio = reals(m, most + 1), reals(m, most + 1)
     m.cosines, m.sines = reals(m, most), reals(m, most)

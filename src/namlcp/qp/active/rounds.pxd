@@ -14,7 +14,6 @@ cdef double ACCURATE, ROUNDING, GAIN, LEAST_DIVISOR, INFINITE
 cdef enum:
     CORRECTIONS = 3
     MOST_ROUNDS = 20
-    RETRIES = 2
     REFINEMENTS = 2
     PASSES = 60
     IDLE = 3
@@ -25,7 +24,6 @@ cdef enum:
 cdef bint is_fit(ActiveSet m) noexcept nogil
 cdef Code solve_at_hand(ActiveSet m) noexcept nogil
 cdef Code solve_by_rounds(ActiveSet m) noexcept nogil
-cdef Code settle(ActiveSet m) noexcept nogil
 cdef void refine_contradiction(ActiveSet m) noexcept nogil
 cdef void set_shape(ActiveSet m) noexcept nogil
 cdef double wanted_rho(ActiveSet m) noexcept nogil

@@ -12,8 +12,8 @@ A round with the centre c, at first 0,
 2. minimises the cost without W on the face of the active rows F, by `descend`.
 
 If the point at hand has the right signs and violates no row, the QP is solved. Else it
-is the next centre, as it is RETRIES times where wrong signs are within tolerance; so is
-the point where the second step meets the first row that is not active. Every centre is
+is the next centre; so is the point where the second step meets the first row that is
+not active. Every centre is
 feasible and the cost falls from round to round, so that no F comes back (Rockafellar,
 SIAM J. Control Optim. 14 (1976) 877-898).
 
@@ -66,8 +66,7 @@ EXACT, GOOD = 1e-15, 1e-10
 FLAT, NEARLY_EXACT = 1e-13, 1e-12
 # What is rounding: of the change of x, where the active rows take away all but
 # CANCELLED of it; TINY over x, of that and of the distance from a face, to which STEADY
-# passes bring the point first; TINY of a dual residual over its terms, else a sign is
-# wrong; TINY of P d over d for a ray d, in scaled variables.
+# passes bring the point first; TINY of P d over d for a ray d, in scaled variables.
 CANCELLED, TINY = 1e-11, 1e-14
 # Curvature over that of W up to which a direction may be near a ray.
 OPEN = 0.1
@@ -123,7 +122,7 @@ def solve_by_rounds(m):
     of the QP with the proximal term before.
     """
     found = STUCK
-    m.level, m.retries = ROUND_ROUNDING, RETRIES
+    m.level = ROUND_ROUNDING
     fill(m.centre, 0.0, m.n)
     m.begin()
     if m.k > 0:
@@ -144,18 +143,6 @@ def solve_by_rounds(m):
             copy(m.s + m.m, m.centre, m.n)
             set_base_values(m)
     return found
-
-
-def settle(m):
-    """Take multipliers of the right signs, at a point whose products are at hand."""
-    if clip_point(m):
-        m.set_products(False)
-    measure_point(m)
-    is_rough: cython.bint = m.found.dual > TINY * m.found.dual_size
-    if is_rough and m.retries > 0 and are_within(m, 0.0):
-        m.retries -= 1
-        return STUCK
-    return verdict(m)
 
 
 # ---- the point
@@ -275,31 +262,22 @@ def take_change(m):
 
 def judge(m, found):
     """Measure the point; unless LATE, refine it as long as that is needed and pays."""
-    error, passes = INFINITY, CORRECTIONS
-    while True:
+    error = INFINITY
+    for turn in range(CORRECTIONS + 1):
         set_point(m)
         m.set_products(not clip_point(m) and m.k == 0 and m.pivots == 0)
         before, error = error, measure_point(m)
         if found == LATE:
             return LATE
         is_fine: cython.bint = error <= ACCURATE and are_within(m, ROUNDING)
-        if not error < before:
-            if before == INFINITY:  # there is no better point to go back to
-                return STUCK
-            m.s, m.best = m.best, m.s
-            m.multiplier, m.best_multiplier = m.best_multiplier, m.multiplier
-            error, passes = INFINITY, 0
-        elif passes > 0 and error <= GAIN * before and not is_fine:
-            if m.on_face:  # which the other form refines
-                return STUCK
-            copy(m.s, m.best, m.length)
-            copy(m.multiplier, m.best_multiplier, m.k)
-            set_correction(m)
-            set_change(m, True)
-            take_change(m)
-            passes -= 1
-        else:
-            return verdict(m)
+        if is_fine or turn == CORRECTIONS or not error <= GAIN * before:
+            break
+        if m.on_face:  # which the other form refines
+            return STUCK
+        set_correction(m)
+        set_change(m, True)
+        take_change(m)
+    return verdict(m)
 
 
 # ---- the minimum on a face
@@ -347,7 +325,10 @@ def descend(m):
             break
         if found != MOVED:
             return found
-    return settle(m)
+    if clip_point(m):
+        m.set_products(False)
+    measure_point(m)
+    return verdict(m)
 
 
 def take_face(m):
