@@ -214,7 +214,7 @@ class DenseActiveSet(ActiveSet):
             while self.free[at] != row - self.m:
                 at += 1
             triangle, count = self.free_triangle, self.free_count
-            remove_from_triangle(triangle, count, at, self.cosines, self.sines)
+            remove_from_triangle(triangle, count, at, self.coefficient, self.ratio)
             self.free_count -= 1
             for i in range(at, self.free_count):
                 self.free[i] = self.free[i + 1]

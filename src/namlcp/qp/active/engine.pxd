@@ -47,8 +47,8 @@ cdef class ActiveSet(Watched):
         # whether mu and s are not those of the rows; whether no other solve follows.
         readonly Py_ssize_t k, hints
         bint changed, is_single
-        # L^-1 w_F, solutions with S, Givens rotations.
-        double *coefficient, *ratio, *cosines, *sines
+        # L^-1 w_F and solutions with S, or Givens rotations.
+        double *coefficient, *ratio
         # Responses, the place of each row's (-1: none), the row of each place.
         double *responses
         Py_ssize_t *place, *owner

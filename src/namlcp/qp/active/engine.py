@@ -125,7 +125,7 @@ class ActiveSet(Watched):
 
     def remove(self, i):
         """Remove the active row number i; False if the factors forbid it."""
-        remove_from_triangle(self.triangle, self.k, i, self.cosines, self.sines)
+        remove_from_triangle(self.triangle, self.k, i, self.coefficient, self.ratio)
         remove_place(self, i)
         return True
 
@@ -193,7 +193,6 @@ def lay_out_rows(m):
     m.active, m.multiplier = indices(m, most + 1), reals(m, most + 1)
     m.triangle = reals(m, size)
     m.coefficient, m.ratio = reals(m, most + 1), reals(m, most + 1)
-    m.cosines, m.sines = reals(m, most), reals(m, most)
     m.place, m.owner = indices(m, rows), indices(m, m.capacity)
     m.Px, m.Gx, m.Ax = reals(m, n), reals(m, m.m), reals(m, p)
     m.Gtz, m.Aty, m.rhs = reals(m, n), reals(m, n), reals(m, n + p)

@@ -16,7 +16,6 @@ cdef enum:
     MOST_ROUNDS = 20
     REFINEMENTS = 2
     PASSES = 60
-    IDLE = 3
     STEADY = 2
     RAY_PASSES = 40
 
@@ -35,7 +34,7 @@ cdef Code verdict(ActiveSet m) noexcept nogil
 cdef void set_correction(ActiveSet m) noexcept nogil
 cdef double set_change(ActiveSet m, bint to_sides) noexcept nogil
 cdef void take_change(ActiveSet m) noexcept nogil
-cdef Code judge(ActiveSet m, Code found) noexcept nogil
+cdef Code judge(ActiveSet m) noexcept nogil
 cdef Code descend(ActiveSet m) noexcept nogil
 cdef double take_face(ActiveSet m) noexcept nogil
 cdef double add_weighted(ActiveSet m, const double* v, double sum) noexcept nogil

@@ -58,8 +58,8 @@ RHO, NO_WEIGHT = 1e-4, -1.0
 LEAST_SHAPE = 1e-36
 # The curvature is between this number and its inverse.
 LEAST_CURVATURE = 1e-100
-# PASSES on a face end at the relative residual EXACT, and at GOOD if they gain less
-# than a factor of 2 for IDLE passes.
+# PASSES on a face end at the relative residual EXACT, and at GOOD if one gains less than
+# a factor of 2.
 EXACT, GOOD = 1e-15, 1e-10
 # Curvature over that of D up to which there is none, and the residual at which a
 # direction without it is one of rounding errors.
@@ -104,13 +104,16 @@ def solve_at_hand(m):
         found = solve_by_rounds(m)
     elif m.begin() and drop_wrong_signs(m):
         found = pivot(m)
-        if found == DONE and not m.finish():
-            found = STUCK
-        if found == DONE or found == LATE:
-            found = judge(m, found)
+        if found == DONE:
+            found = judge(m) if m.finish() else STUCK
     else:
         found = STUCK
-    if found == CONTRADICTION and not m.on_face:
+    if found == LATE:
+        set_point(m)
+        clip_point(m)
+        m.set_products(False)
+        measure_point(m)
+    elif found == CONTRADICTION and not m.on_face:
         refine_contradiction(m)
     return found
 
@@ -134,8 +137,6 @@ def solve_by_rounds(m):
             return found
         drop_wrong_signs(m)
         found = pivot(m)
-        if found == LATE:
-            judge(m, found)
         if found != DONE:
             return found
         found = descend(m)
@@ -260,15 +261,13 @@ def take_change(m):
     add_scaled(1.0, m.ratio, m.multiplier, m.k)
 
 
-def judge(m, found):
-    """Measure the point; unless LATE, refine it as long as that is needed and pays."""
+def judge(m):
+    """Measure the point; refine it as long as that is needed and pays."""
     error = INFINITY
     for turn in range(CORRECTIONS + 1):
         set_point(m)
         m.set_products(not clip_point(m) and m.k == 0 and m.pivots == 0)
         before, error = error, measure_point(m)
-        if found == LATE:
-            return LATE
         is_fine: cython.bint = error <= ACCURATE and are_within(m, ROUNDING)
         if is_fine or turn == CORRECTIONS or not error <= GAIN * before:
             break
@@ -289,7 +288,6 @@ def descend(m):
     STUCK where another row is met or it is no solution. After UNBOUNDED z_box has a
     ray.
     """
-    idle: Py_ssize_t = 0
     before, best, dx = 0.0, INFINITY, m.change + m.m
     m.set_multipliers()
     m.set_point_values()
@@ -299,10 +297,9 @@ def descend(m):
         rows = max(largest_entry(m.Gtz, n), largest_entry(m.Aty, n))
         slope = largest_entry(m.rhs, n) / max(max(cost, rows), LEAST_DIVISOR)
         error = max(slope, away)
-        idle = 0 if error < 0.5 * best else idle + 1
-        best = min(best, error)
-        if error <= EXACT or turn == PASSES or (idle >= IDLE and best <= GOOD):
+        if error <= EXACT or turn == PASSES or 0.5 * best <= error <= GOOD:
             break
+        best = min(best, error)
         whole, size = set_change(m, True), size_of(m, m.change)
         is_rounding: cython.bint = size <= CANCELLED * whole or size <= TINY * size_of(
             m, m.s
