@@ -214,7 +214,7 @@ class DenseActiveSet(ActiveSet):
             while self.free[at] != row - self.m:
                 at += 1
             triangle, count = self.free_triangle, self.free_count
-            remove_from_triangle(triangle, count, at, self.cosines, self.sines)
+            remove_from_triangle(triangle, count, at, self.coefficient, self.ratio)
             self.free_count -= 1
             for i in range(at, self.free_count):
                 self.free[i] = self.free[i + 1]
@@ -439,7 +439,7 @@ def proved(m, found):
     c.P, c.G, c.A = cython.address(P), cython.address(G), cython.address(A)
     c.n, c.m, c.p, c.tol = m.n, m.m, m.p, m.eps_abs
     c.q, c.h, c.b, c.lb, c.ub = m.q, m.h, m.b, m.lb, m.ub
-    c.units, c.largest, c.r = m.best, m.change, m.direction
+    c.units, c.largest, c.r = m.s, m.change, m.direction
     c.primal, c.dual = NAN, NAN
     if found == CONTRADICTION:
         done = prove_infeasible(claim, m.x, m.y, m.z, m.z_box)

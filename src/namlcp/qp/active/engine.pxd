@@ -47,14 +47,14 @@ cdef class ActiveSet(Watched):
         # whether mu and s are not those of the rows; whether no other solve follows.
         readonly Py_ssize_t k, hints
         bint changed, is_single
-        # L^-1 w_F, solutions with S, Givens rotations.
-        double *coefficient, *ratio, *cosines, *sines
+        # L^-1 w_F and solutions with S, or Givens rotations.
+        double *coefficient, *ratio
         # Responses, the place of each row's (-1: none), the row of each place.
         double *responses
         Py_ssize_t *place, *owner
         Py_ssize_t next_place
-        # Products of the point; right-hand sides; a refinement, and what was best before.
-        double *Px, *Gx, *Ax, *Gtz, *Aty, *rhs, *change, *best, *best_multiplier
+        # Products of the point; right-hand sides; a refinement.
+        double *Px, *Gx, *Ax, *Gtz, *Aty, *rhs, *change
         # Of `rounds`: W, what it is made of; the centre; P times the direction.
         double *weight, *shape, *reach, *centre, *Palong
         # rho in W, 0 without W; what it is to be over that of the data, 0 for W only
@@ -62,7 +62,6 @@ cdef class ActiveSet(Watched):
         readonly double rho
         public double wanted
         double largest
-        Py_ssize_t retries
         # Whether the point is on the face of `dense`, whose operators hold active rows.
         bint on_face
         # The row that enters (-1: none) and its side, its multiplier so far.
@@ -121,4 +120,3 @@ cdef Code step(ActiveSet m) noexcept nogil
 cdef Code excuse(ActiveSet m) noexcept nogil
 cdef Code pivot(ActiveSet m) noexcept nogil
 cdef void set_contradiction(ActiveSet m) noexcept nogil
-cdef bint factor_active(ActiveSet m) noexcept nogil

@@ -73,10 +73,7 @@ class ActiveSet(Watched):
         """Make the response to a row."""
 
     def set_products(self, is_base):
-        """Set the products of the point with P, G and A.
-
-        is_base: it is that of the base problem, whose values s0 have G x.
-        """
+        """Set the products of the point with P, G and A; is_base: s0 has G x."""
 
     def times_cost(self, x, Px):
         """Set Px = P x."""
@@ -128,7 +125,7 @@ class ActiveSet(Watched):
 
     def remove(self, i):
         """Remove the active row number i; False if the factors forbid it."""
-        remove_from_triangle(self.triangle, self.k, i, self.cosines, self.sines)
+        remove_from_triangle(self.triangle, self.k, i, self.coefficient, self.ratio)
         remove_place(self, i)
         return True
 
@@ -145,13 +142,23 @@ class ActiveSet(Watched):
         A single solve goes without, as no other could give another answer; one with
         many active rows takes mu and s of the L at hand.
         """
+        fine: cython.bint = True
         if self.changed and not self.is_single:
-            if self.k <= MOST_SORTED and not factor_active(self):
-                return False
+            if self.k <= MOST_SORTED:
+                self.k = 0
+                for row in range(self.rows):
+                    if self.side[row] != 0:
+                        rest = rest_of(self, row)
+                        append_to_triangle(
+                            self.triangle, self.k, self.coefficient, sqrt(rest)
+                        )
+                        fine = fine and rest > 0.0
+                        self.active[self.k] = row
+                        self.k += 1
             self.set_multipliers()
             self.set_point_values()
-        self.changed = False
-        return True
+        self.changed = not fine
+        return fine
 
     def set_point_values(self):
         copy(self.s0, self.s, self.length)
@@ -182,12 +189,10 @@ def lay_out_rows(m):
     m.capacity = min(rows, max(most + 4, places))
     size = most * (most + 1) // 2
     m.s0, m.s, m.direction = reals(m, length), reals(m, length), reals(m, length)
-    m.best, m.change, m.scale = reals(m, length), reals(m, length), reals(m, rows)
-    m.best_multiplier, m.multiplier = reals(m, most + 1), reals(m, most + 1)
-    m.active, m.side = indices(m, most + 1), indices(m, rows)
+    m.change, m.scale, m.side = reals(m, length), reals(m, rows), indices(m, rows)
+    m.active, m.multiplier = indices(m, most + 1), reals(m, most + 1)
     m.triangle = reals(m, size)
     m.coefficient, m.ratio = reals(m, most + 1), reals(m, most + 1)
-    m.cosines, m.sines = reals(m, most), reals(m, most)
     m.place, m.owner = indices(m, rows), indices(m, m.capacity)
     m.Px, m.Gx, m.Ax = reals(m, n), reals(m, m.m), reals(m, p)
     m.Gtz, m.Aty, m.rhs = reals(m, n), reals(m, n), reals(m, n + p)
@@ -483,26 +488,3 @@ def set_contradiction(m):
             m.z[m.active[i]] = -sign * m.ratio[i]
     if m.entering < m.m:
         m.z[m.entering] = 1.0
-
-
-# ---- step 3
-
-
-def factor_active(m):
-    """Sort the active rows and compute L anew; tell whether all are independent."""
-    for i in range(1, m.k):
-        row = m.active[i]
-        j = i
-        while j > 0 and m.active[j - 1] > row:
-            m.active[j] = m.active[j - 1]
-            j -= 1
-        m.active[j] = row
-    count, m.k = m.k, 0
-    fine: cython.bint = True
-    while fine and m.k < count:
-        rest = rest_of(m, m.active[m.k])
-        append_to_triangle(m.triangle, m.k, m.coefficient, sqrt(rest))
-        fine = rest > 0.0
-        m.k += 1
-    m.k = count
-    return fine

@@ -7,17 +7,15 @@ from namlcp.qp.active.engine cimport SUMMED, UNBOUNDED, ROUND_ROUNDING, VIOLATIO
 from namlcp.qp.active.engine cimport drop_wrong_signs, goal_of, is_pinned, pivot
 from namlcp.qp.active.engine cimport set_base_values, size_of, subtract_responses
 
-cdef double WRONG, RHO, NO_WEIGHT, LEAST_SHAPE, LEAST_CURVATURE
-cdef double EXACT, GOOD, FLAT, NEARLY_EXACT, CANCELLED, TINY, ON_FACE, OPEN
-cdef double RAY_GAIN, MOST_CURVED, CLEAN, LEAST_GROWTH
+cdef double RHO, NO_WEIGHT, LEAST_SHAPE, LEAST_CURVATURE
+cdef double EXACT, GOOD, FLAT, NEARLY_EXACT, CANCELLED, TINY, OPEN
+cdef double RAY_GAIN, MOST_CURVED, LEAST_GROWTH
 cdef double ACCURATE, ROUNDING, GAIN, LEAST_DIVISOR, INFINITE
 cdef enum:
     CORRECTIONS = 3
     MOST_ROUNDS = 20
-    RETRIES = 2
     REFINEMENTS = 2
     PASSES = 60
-    IDLE = 3
     STEADY = 2
     RAY_PASSES = 40
 
@@ -25,7 +23,6 @@ cdef enum:
 cdef bint is_fit(ActiveSet m) noexcept nogil
 cdef Code solve_at_hand(ActiveSet m) noexcept nogil
 cdef Code solve_by_rounds(ActiveSet m) noexcept nogil
-cdef Code settle(ActiveSet m) noexcept nogil
 cdef void refine_contradiction(ActiveSet m) noexcept nogil
 cdef void set_shape(ActiveSet m) noexcept nogil
 cdef double wanted_rho(ActiveSet m) noexcept nogil
@@ -37,7 +34,7 @@ cdef Code verdict(ActiveSet m) noexcept nogil
 cdef void set_correction(ActiveSet m) noexcept nogil
 cdef double set_change(ActiveSet m, bint to_sides) noexcept nogil
 cdef void take_change(ActiveSet m) noexcept nogil
-cdef Code judge(ActiveSet m, Code found) noexcept nogil
+cdef Code judge(ActiveSet m) noexcept nogil
 cdef Code descend(ActiveSet m) noexcept nogil
 cdef double take_face(ActiveSet m) noexcept nogil
 cdef double add_weighted(ActiveSet m, const double* v, double sum) noexcept nogil

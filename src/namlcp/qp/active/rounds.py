@@ -12,8 +12,8 @@ A round with the centre c, at first 0,
 2. minimises the cost without W on the face of the active rows F, by `descend`.
 
 If the point at hand has the right signs and violates no row, the QP is solved. Else it
-is the next centre, as it is RETRIES times where wrong signs are within tolerance; so is
-the point where the second step meets the first row that is not active. Every centre is
+is the next centre; so is the point where the second step meets the first row that is
+not active. Every centre is
 feasible and the cost falls from round to round, so that no F comes back (Rockafellar,
 SIAM J. Control Optim. 14 (1976) 877-898).
 
@@ -52,29 +52,26 @@ ACCURATE, ROUNDING = 1e-12, 4e-15
 GAIN = 0.5
 # In place of 0 where a size is divided by; what is infinite beside sides of about 1.
 LEAST_DIVISOR, INFINITE = checks.LEAST_DIVISOR, checks.INFINITE
-# Dual residual over its terms that shows a multiplier of the wrong sign.
-WRONG = 1e-14
 # rho over that power of 16, if no other is asked for; m.wanted without any weight.
 RHO, NO_WEIGHT = 1e-4, -1.0
 # Diagonal entry of P, over the largest one, up to which it counts as 0.
 LEAST_SHAPE = 1e-36
 # The curvature is between this number and its inverse.
 LEAST_CURVATURE = 1e-100
-# PASSES on a face end at the relative residual EXACT, and at GOOD if they gain less
-# than a factor of 2 for IDLE passes.
+# PASSES on a face end at the relative residual EXACT, and at GOOD if one gains less than
+# a factor of 2.
 EXACT, GOOD = 1e-15, 1e-10
 # Curvature over that of D up to which there is none, and the residual at which a
 # direction without it is one of rounding errors.
 FLAT, NEARLY_EXACT = 1e-13, 1e-12
-# The change of x is rounding where the active rows take away all but CANCELLED of it,
-# or it is TINY times x. The point is brought to its face first, up to ON_FACE, by
-# STEADY passes.
-CANCELLED, TINY, ON_FACE = 1e-11, 1e-14, 1e-14
+# What is rounding: of the change of x, where the active rows take away all but
+# CANCELLED of it; TINY over x, of that and of the distance from a face, to which STEADY
+# passes bring the point first; TINY of P d over d for a ray d, in scaled variables.
+CANCELLED, TINY = 1e-11, 1e-14
 # Curvature over that of W up to which a direction may be near a ray.
 OPEN = 0.1
-# RAY_GAIN: the gain of one of the RAY_PASSES below which it was the last; the largest
-# P d over d, in scaled variables, and that at which no pass follows.
-RAY_GAIN, MOST_CURVED, CLEAN = 0.9, 1e-9, 1e-14
+# The gain of one of the RAY_PASSES below which it was the last; the largest P d over d.
+RAY_GAIN, MOST_CURVED = 0.9, 1e-9
 # Growth of a row of norm 1 along a direction of size 1 up to which it is rounding.
 LEAST_GROWTH = 1e-11
 
@@ -107,13 +104,16 @@ def solve_at_hand(m):
         found = solve_by_rounds(m)
     elif m.begin() and drop_wrong_signs(m):
         found = pivot(m)
-        if found == DONE and not m.finish():
-            found = STUCK
-        if found == DONE or found == LATE:
-            found = judge(m, found)
+        if found == DONE:
+            found = judge(m) if m.finish() else STUCK
     else:
         found = STUCK
-    if found == CONTRADICTION and not m.on_face:
+    if found == LATE:
+        set_point(m)
+        clip_point(m)
+        m.set_products(False)
+        measure_point(m)
+    elif found == CONTRADICTION and not m.on_face:
         refine_contradiction(m)
     return found
 
@@ -125,7 +125,7 @@ def solve_by_rounds(m):
     of the QP with the proximal term before.
     """
     found = STUCK
-    m.level, m.retries = ROUND_ROUNDING, RETRIES
+    m.level = ROUND_ROUNDING
     fill(m.centre, 0.0, m.n)
     m.begin()
     if m.k > 0:
@@ -137,8 +137,6 @@ def solve_by_rounds(m):
             return found
         drop_wrong_signs(m)
         found = pivot(m)
-        if found == LATE:
-            judge(m, found)
         if found != DONE:
             return found
         found = descend(m)
@@ -146,18 +144,6 @@ def solve_by_rounds(m):
             copy(m.s + m.m, m.centre, m.n)
             set_base_values(m)
     return found
-
-
-def settle(m):
-    """Take multipliers of the right signs, at a point whose products are at hand."""
-    if clip_point(m):
-        m.set_products(False)
-    measure_point(m)
-    is_rough: cython.bint = m.found.dual > WRONG * m.found.dual_size
-    if is_rough and m.retries > 0 and are_within(m, 0.0):
-        m.retries -= 1
-        return STUCK
-    return verdict(m)
 
 
 # ---- the point
@@ -275,33 +261,22 @@ def take_change(m):
     add_scaled(1.0, m.ratio, m.multiplier, m.k)
 
 
-def judge(m, found):
-    """Measure the point; unless LATE, refine it as long as that is needed and pays."""
-    error, passes = INFINITY, CORRECTIONS
-    while True:
+def judge(m):
+    """Measure the point; refine it as long as that is needed and pays."""
+    error = INFINITY
+    for turn in range(CORRECTIONS + 1):
         set_point(m)
         m.set_products(not clip_point(m) and m.k == 0 and m.pivots == 0)
         before, error = error, measure_point(m)
-        if found == LATE:
-            return LATE
         is_fine: cython.bint = error <= ACCURATE and are_within(m, ROUNDING)
-        if not error < before:
-            if before == INFINITY:  # there is no better point to go back to
-                return STUCK
-            m.s, m.best = m.best, m.s
-            m.multiplier, m.best_multiplier = m.best_multiplier, m.multiplier
-            error, passes = INFINITY, 0
-        elif passes > 0 and error <= GAIN * before and not is_fine:
-            if m.on_face:  # which the other form refines
-                return STUCK
-            copy(m.s, m.best, m.length)
-            copy(m.multiplier, m.best_multiplier, m.k)
-            set_correction(m)
-            set_change(m, True)
-            take_change(m)
-            passes -= 1
-        else:
-            return verdict(m)
+        if is_fine or turn == CORRECTIONS or not error <= GAIN * before:
+            break
+        if m.on_face:  # which the other form refines
+            return STUCK
+        set_correction(m)
+        set_change(m, True)
+        take_change(m)
+    return verdict(m)
 
 
 # ---- the minimum on a face
@@ -313,7 +288,6 @@ def descend(m):
     STUCK where another row is met or it is no solution. After UNBOUNDED z_box has a
     ray.
     """
-    idle: Py_ssize_t = 0
     before, best, dx = 0.0, INFINITY, m.change + m.m
     m.set_multipliers()
     m.set_point_values()
@@ -323,15 +297,14 @@ def descend(m):
         rows = max(largest_entry(m.Gtz, n), largest_entry(m.Aty, n))
         slope = largest_entry(m.rhs, n) / max(max(cost, rows), LEAST_DIVISOR)
         error = max(slope, away)
-        idle = 0 if error < 0.5 * best else idle + 1
-        best = min(best, error)
-        if error <= EXACT or turn == PASSES or (idle >= IDLE and best <= GOOD):
+        if error <= EXACT or turn == PASSES or 0.5 * best <= error <= GOOD:
             break
+        best = min(best, error)
         whole, size = set_change(m, True), size_of(m, m.change)
         is_rounding: cython.bint = size <= CANCELLED * whole or size <= TINY * size_of(
             m, m.s
         )
-        if is_rounding or (away > ON_FACE and turn < STEADY):
+        if is_rounding or (away > TINY and turn < STEADY):
             take_change(m)
             before = 0.0
             continue
@@ -349,7 +322,10 @@ def descend(m):
             break
         if found != MOVED:
             return found
-    return settle(m)
+    if clip_point(m):
+        m.set_products(False)
+    measure_point(m)
+    return verdict(m)
 
 
 def take_face(m):
@@ -436,7 +412,7 @@ def is_ray(m):
         for j in range(n):
             curved = max(curved, fabs(m.Palong[j]) / m.scale[m.m + j])
         ratio = curved / max(size_of(m, m.change), LEAST_DIVISOR)
-        if not CLEAN < ratio < RAY_GAIN * last:
+        if not TINY < ratio < RAY_GAIN * last:
             break
         last = ratio
     if not (dot(m.q, ray, n) < 0.0 and ratio <= MOST_CURVED):

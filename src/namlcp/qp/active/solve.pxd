@@ -29,7 +29,6 @@ cdef void take_settings(ActiveSet m, Settings settings, double until)
 cdef int run(ActiveSet m) except -1
 cdef object result_of(ActiveSet m, object kind, object problem, double start, double ready)
 cdef Py_ssize_t height_of(object C, object d, Py_ssize_t n)
-cdef const double* bound_at(object side, double* place, Py_ssize_t n, double value)
 cpdef int attach(DenseActiveSet m, object P, object G, object A, bint is_single) except -1
 cdef object small_form(object C)
 cdef object tiny_form(object C, Py_ssize_t n)

@@ -162,8 +162,10 @@ def solve_small(
         m.h = data_of(h)
     if p > 0:
         m.b = data_of(b)
-    m.lb = bound_at(lb, m.no_bound, n, -INFINITY)
-    m.ub = bound_at(ub, m.no_bound + n, n, INFINITY)
+    fill(m.no_bound, -INFINITY, n)
+    fill(m.no_bound + n, INFINITY, n)
+    m.lb = m.no_bound if lb is None else data_of(lb)
+    m.ub = m.no_bound + n if ub is None else data_of(ub)
     take_settings(m, settings, start + settings.time_limit)
     if warm_start is not None:
         if not suggest_solution(m, warm_start):
@@ -217,14 +219,6 @@ def tiny_form(C, n):
             before = at[t]
             out[before * n + j] = value[t]
     return found
-
-
-def bound_at(side, place, n, value):
-    """Return where bounds are: at `place`, all of one value, where there are none."""
-    if side is not None:
-        return data_of(side)
-    fill(place, value, n)
-    return place
 
 
 # ---- a QP on the route

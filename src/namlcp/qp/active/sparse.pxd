@@ -10,11 +10,11 @@ from namlcp.qp.active.rounds cimport is_fit, set_shape, solve_at_hand, wanted_rh
 cdef class SparseActiveSet(ActiveSet):
     cdef:
         # The upper triangle of K, of order `size`, and the values of K~, with the arrays
-        # of `kkt`; the rows of G and A, those of `matrices` and `by_row`.
+        # of `kkt`; the rows of G and A, those of `matrices`.
         const int *indptr, *indices
         double *base, *data
         Columns G, A
-        object kkt, by_row
+        object kkt
         Py_ssize_t size
         SparseFactors factors
         # Passes of refinement of a solve with K; operations of making a response.
@@ -34,5 +34,4 @@ cdef void solve_base(SparseActiveSet m, const double* rhs, double* values, Py_ss
 cdef void subtract_product(SparseActiveSet m, const double* u, double* r) noexcept nogil
 cdef void times_both(const Columns* M, Py_ssize_t count, Py_ssize_t n, const double* x, double* Mx, const double* y, double* Mty) noexcept nogil
 cdef double least_pivot(SparseActiveSet m) noexcept nogil
-cdef double try_factors(SparseActiveSet m) noexcept nogil
 cdef void set_norms(SparseActiveSet m, const Columns* M, Py_ssize_t count, double* norm) noexcept nogil

@@ -96,10 +96,10 @@ class SparseActiveSet:
     def attach(self, P, G, A):
         """Take matrices, and make what depends on them; an old pattern saves time."""
         self.n, self.m, self.p = P.shape[0], G.shape[0], A.shape[0]
-        self.matrices, self.by_row = (P, G, A), (by_rows(G), by_rows(A))
-        take_columns(self.by_row[0], self.m, cython.address(self.G))
-        take_columns(self.by_row[1], self.p, cython.address(self.A))
-        self.kkt = kkt = KKT(P, self.by_row[1], csr_array((0, self.n)), self.kkt)
+        self.matrices = rows, equations = by_rows(G), by_rows(A)
+        take_columns(rows, self.m, cython.address(self.G))
+        take_columns(equations, self.p, cython.address(self.A))
+        self.kkt = kkt = KKT(P, equations, csr_array((0, self.n)), self.kkt)
         make_room(self)
         self.indptr = places(kkt.indptr, self.size + 1)
         count: Py_ssize_t = self.indptr[self.size]
@@ -130,7 +130,11 @@ class SparseActiveSet:
         forget_responses(self)
 
     def factor_and_try(self):
-        """Factor K~; tell whether P and A allow accurate solves."""
+        """Factor K~, and choose the passes; tell whether solves are accurate.
+
+        The entries of the right-hand side of a trial solve have size 1 in equilibrated
+        units, and signs that have no pattern.
+        """
         for first in (self.n, 0):  # R = 0 at first
             copy(self.base, self.data, self.indptr[self.size])
             for j in range(first, self.size):
@@ -141,7 +145,26 @@ class SparseActiveSet:
                 break
         else:
             return False
-        error = try_factors(self)
+        rhs, rest, unit, u = self.rhs, self.rest, self.unit, self.s + self.m
+        for j in range(self.size):
+            rhs[j] = (1.0 if cos(j) > 0.0 else -1.0) / unit[j]
+        error: cython.double = 1.0
+        passes: Py_ssize_t = -1
+        while error > ACCURATE and passes < MOST_PASSES:
+            solve_base(self, rhs, self.s, passes + 1)
+            copy(rhs, rest, self.size)
+            subtract_product(self, u, rest)
+            new = 0.0
+            for j in range(self.size):
+                size = fabs(rest[j] * unit[j])
+                new = max(new, size) if size < INFINITY else INFINITY
+            if not new < GAIN * error:
+                break
+            error, passes = new, passes + 1
+        self.passes, largest = max(passes, 0), 0.0
+        for j in range(self.n):
+            largest = max(largest, fabs(u[j] / unit[j]))
+        self.least_curvature = FIXED * largest
         entries = self.most_operations / MOST_OPERATIONS
         self.response_operations = 2.0 * (self.passes + 2) * entries
         return error <= REACHED
@@ -195,40 +218,6 @@ def least_pivot(m):
         if j < m.n:
             largest = max(largest, pivot * m.data[m.indptr[j + 1] - 1])
     return 1.0 / largest
-
-
-def try_factors(m):
-    """Choose the passes of refinement by a trial solve; return its residual.
-
-    The entries of the right-hand side have size 1 in equilibrated units, and signs that
-    have no pattern. Sets m.least_curvature from the largest entry of x.
-    """
-    rhs, rest, u, other = m.rhs, m.rest, m.s, m.direction
-    for j in range(m.size):
-        rhs[j] = (1.0 if cos(j) > 0.0 else -1.0) / m.unit[j]
-    copy(rhs, rest, m.size)
-    fill(u, 0.0, m.size)
-    error: cython.double = 1.0
-    passes: Py_ssize_t = -1
-    while error > ACCURATE and passes < MOST_PASSES:
-        m.factors.solve_into(rest, other)
-        add_scaled(1.0, u, other, m.size)
-        copy(rhs, rest, m.size)
-        subtract_product(m, other, rest)
-        new = 0.0
-        for j in range(m.size):
-            size = fabs(rest[j] * m.unit[j])
-            new = max(new, size) if size < INFINITY else INFINITY
-        if not new < GAIN * error:
-            break
-        copy(other, u, m.size)
-        error, passes = new, passes + 1
-    m.passes = max(passes, 0)
-    largest = 0.0
-    for j in range(m.n):
-        largest = max(largest, fabs(u[j] / m.unit[j]))
-    m.least_curvature = FIXED * largest
-    return error
 
 
 def set_norms(m, M, count, norm):
