@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from namlcp.limits import NEVER, Deadline, Limits, Settings
-from namlcp.progress import Progress
+from namlcp.status import Progress
 
 SIDES = "h", "b", "lb", "ub"
 """The sides of the constraints: the names of the weights of a `Relaxation`."""

@@ -12,7 +12,6 @@ from namlcp.lcp.prepared import Prepared
 from namlcp.limits import NEVER, Deadline, OutOfTime
 from namlcp.linalg.threads import blas_threads
 from namlcp.options import RELAXATIONS
-from namlcp.progress import QP_COLUMNS, Progress
 from namlcp.qp.active.solve import (
     FEW_ENTRIES,
     FULL,
@@ -29,7 +28,7 @@ from namlcp.qp.judge import Judge
 from namlcp.qp.problem import NO_GUESS, Point, check_convex, make_guess
 from namlcp.qp.reductions import substitute
 from namlcp.residuals import UNDEFINED
-from namlcp.status import ENDS, Status
+from namlcp.status import ENDS, QP_COLUMNS, Progress, Status
 
 # Most variables, and most entries of P, G and A, zeros included, of the dense form,
 # which would take many seconds beyond.

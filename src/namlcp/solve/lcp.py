@@ -10,8 +10,8 @@ from namlcp.lcp.pivoting.pivot import ACCURACY, solve_small
 from namlcp.lcp.prepared import Operator, Prepared
 from namlcp.limits import Deadline, Limits
 from namlcp.options import check_count, check_flag, check_number
-from namlcp.progress import LCP_COLUMNS, Progress
 from namlcp.results import LCPResult, lcp_result
+from namlcp.status import LCP_COLUMNS, Progress
 
 SWEEP_EPS_ABS = 1e-8  # the default of the sweep methods
 
