@@ -221,7 +221,6 @@ def check_count(name: str, value: Any) -> None:
 
 
 def check_kind(name: str, value: Any, kind: type, what: str) -> None:
-    """Raise unless `value` is of a class of numbers, and not a bool."""
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, kind):
         raise TypeError(f"{name} must be {what}, got {value!r}")
 

@@ -129,10 +129,7 @@ def now() -> float:
 
 
 class Progress:
-    """Rows of one solve: kept for the history, printed when verbose.
-
-    To the columns the time [s] since the start is added as the last.
-    """
+    """Rows of one solve; the time [s] since its start is added as the last column."""
 
     def __init__(self, columns: tuple[str, ...], verbose: bool):
         self.columns, self.verbose = (*columns, "time"), verbose
@@ -145,7 +142,6 @@ class Progress:
             print(text, flush=True)
 
     def row(self, iteration: int, *values: float) -> None:
-        """Keep a row, the iteration and the values of the other columns; print some."""
         row = (iteration, *values, time.perf_counter() - self.start)
         if not self.rows:
             names = ("time [s]" if c == "time" else c for c in self.columns)
@@ -164,7 +160,6 @@ class Progress:
         self.say("".join(cells))
 
     def close(self, answer: Outcome, start: float) -> None:
-        """Print the last row, if it was not printed, and how a solve ended."""
         if not self.shown:
             self.show(self.rows[-1])
         r, seconds = answer.residuals, time.perf_counter() - start

@@ -201,7 +201,6 @@ class Solver(metaclass=Public):
         self.vectors = vectors
 
     def take_matrices(self, changes: dict[str, Any]) -> None:
-        """Check and take those matrices that are new."""
         given, kept = dict(zip("PGA", self.given, strict=True)), self.qp._asdict()
         new = {}
         for name, M in changes.items():
@@ -329,14 +328,13 @@ def copied(name: str, M: Any) -> Any:
 
 
 def is_unchanged(new: Any, old: Any) -> bool:
-    """Tell whether two matrices are stored alike and equal in every entry."""
+    """Tell whether two matrices are stored alike and equal."""
     if getattr(new, "format", "") in ("csc", "csr"):
         return has_pattern_of(new, old) and are_equal(new.data, old.data)
     return type(new) is type(old) is np.ndarray and are_equal(new, old)
 
 
 def has_pattern_of(new: Any, old: Any) -> bool:
-    """Tell whether two sparse matrices are stored alike, entry after entry."""
     return (
         type(new) is type(old)
         and new.shape == old.shape
@@ -351,11 +349,7 @@ def are_equal(v: np.ndarray, w: np.ndarray) -> bool:
 
 
 def in_place_of(name: str, value: Any, kept: Any) -> Any:
-    """Return a user's matrix checked, as `kept` is stored: dense, or in its pattern.
-
-    Entries that the pattern has and the user's matrix has not are zeros. Raises
-    OtherShape where the shapes differ, or an entry lies outside the pattern.
-    """
+    """Return a user's matrix checked, as `kept` is stored: dense, or in its pattern."""
     new = matrix(name, value, "csc")
     if new.shape != kept.shape:
         raise OtherShape(
