@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from namlcp.limits import NEVER, Deadline, Limits, Settings
+from namlcp.limits import Deadline, Limits, Settings
 from namlcp.status import Progress
 
 SIDES = "h", "b", "lb", "ub"
@@ -113,10 +113,9 @@ class Options:
             check_names(settings)
             return cls(**settings)
 
-    def limits(
-        self, deadline: Deadline = NEVER, progress: Progress | None = None
-    ) -> Limits:
-        """Return the limits of one solve; its iterations are reported to `progress`."""
+    def limits(self, start: float = 0.0, progress: Progress | None = None) -> Limits:
+        """Return the limits of a solve that began at `start`, for one `progress`."""
+        deadline = Deadline(start + self.time_limit)
         report = None if progress is None else progress.row
         return Limits(self.eps_abs, self.eps_rel, self.max_iter, deadline, report)
 

@@ -9,7 +9,7 @@ In the end comes the closest point, if the QP is infeasible and it was asked for
 import numpy as np
 
 from namlcp.lcp.prepared import Prepared
-from namlcp.limits import NEVER, Deadline, OutOfTime
+from namlcp.limits import NEVER, OutOfTime
 from namlcp.linalg.threads import blas_threads
 from namlcp.options import RELAXATIONS
 from namlcp.qp.active.solve import (
@@ -106,7 +106,7 @@ def solve_checked(qp, options, guess, start, progress=None, memory=None, given=N
         progress = Progress(QP_COLUMNS, True)
     if progress is not None:
         progress.say(describe(qp, options))
-    limits = options.limits(Deadline(start + options.time_limit), progress)
+    limits = options.limits(start, progress)
     relaxation, stage = options.relaxation, None
     if relaxation:
         weights_of(qp, relaxation)  # raises where there are too many or too few

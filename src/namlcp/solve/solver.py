@@ -16,7 +16,6 @@ import numpy as np
 from scipy.sparse import issparse
 
 from namlcp.checks import as_sparse, from_arrays, matrix, real_array, refuse_view
-from namlcp.limits import Deadline
 from namlcp.linalg.csc import as_dense
 from namlcp.options import DEFAULT_OPTIONS, Options, check_flag
 from namlcp.qp.active import solve as active
@@ -294,8 +293,8 @@ class Solver(metaclass=Public):
         m, qp, options = self.active_set, self.qp, self.options
         self.left = self.left + 1 if m.code == Code.STUCK else 0
         self.pause = PAUSES[min(self.left, len(PAUSES) - 1)] if m.is_ready else inf
-        limits = options.limits(Deadline(start + options.time_limit))
-        answer = active.answer_of(m, Judge(qp, limits, self.given), NO_TRANSFORMS)
+        judge = Judge(qp, options.limits(start), self.given)
+        answer = active.answer_of(m, judge, NO_TRANSFORMS)
         if answer is None or answer.status not in ENDS:
             return None
         if options.relaxation and answer.status is Status.PRIMAL_INFEASIBLE:
