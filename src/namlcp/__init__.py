@@ -16,13 +16,12 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from namlcp.lcp.data import Prepared
-from namlcp.many import solve_many
 from namlcp.options import Options, Relaxation
 from namlcp.qp.problem import NotConvex
 from namlcp.residuals import Residuals, natural_residual, qp_residuals
 from namlcp.results import BatchResult, ClosestPoint, LCPResult, QPResult
 from namlcp.solve.lcp import solve_lcp
-from namlcp.solve.qp import solve_batch, solve_qp
+from namlcp.solve.qp import solve_batch, solve_many, solve_qp
 from namlcp.solve.solver import OtherShape, Solver
 from namlcp.status import Status
 from namlcp.theory.comparison import Verdict, is_h_plus

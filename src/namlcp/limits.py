@@ -9,7 +9,7 @@ from typing import NamedTuple
 import cython
 from cython.cimports.libc.math import INFINITY
 
-from namlcp.progress import now
+from namlcp.status import now
 
 # Operations between two looks at the clock of compiled loops: some milliseconds.
 OFTEN = 4_000_000

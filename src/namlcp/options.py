@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from namlcp.limits import NEVER, Deadline, Limits, Settings
-from namlcp.progress import Progress
+from namlcp.limits import Deadline, Limits, Settings
+from namlcp.status import Progress
 
 SIDES = "h", "b", "lb", "ub"
 """The sides of the constraints: the names of the weights of a `Relaxation`."""
@@ -113,10 +113,9 @@ class Options:
             check_names(settings)
             return cls(**settings)
 
-    def limits(
-        self, deadline: Deadline = NEVER, progress: Progress | None = None
-    ) -> Limits:
-        """Return the limits of one solve; its iterations are reported to `progress`."""
+    def limits(self, start: float = 0.0, progress: Progress | None = None) -> Limits:
+        """Return the limits of a solve that began at `start`, for one `progress`."""
+        deadline = Deadline(start + self.time_limit)
         report = None if progress is None else progress.row
         return Limits(self.eps_abs, self.eps_rel, self.max_iter, deadline, report)
 
@@ -221,7 +220,6 @@ def check_count(name: str, value: Any) -> None:
 
 
 def check_kind(name: str, value: Any, kind: type, what: str) -> None:
-    """Raise unless `value` is of a class of numbers, and not a bool."""
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, kind):
         raise TypeError(f"{name} must be {what}, got {value!r}")
 

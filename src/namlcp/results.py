@@ -541,7 +541,6 @@ class ClosestPoint(Single):
 
     @cached_property
     def kept(self) -> ClosestDerivative:
-        """The same, made once."""
         return ClosestDerivative(*self.problem)
 
 
@@ -743,12 +742,9 @@ def closest_point(found: Nearest, problem: tuple[QP, Any]) -> ClosestPoint:
 
 
 def batch_result(outcomes: Any, items: Items, seconds: float) -> BatchResult:
-    """Return the outcomes of the items of a batch, as `solve_items` has them."""
-    closest = {
-        i: closest_point(found, items.item(i)) for i, found in outcomes.closest.items()
-    }
-    parts = vars(outcomes) | {"closest": closest}
-    return BatchResult(**parts, solve_time=seconds, problem=items)
+    pairs = outcomes.closest.items()
+    outcomes.closest = {i: closest_point(one, items.item(i)) for i, one in pairs}
+    return BatchResult(**vars(outcomes), solve_time=seconds, problem=items)
 
 
 def lcp_result(

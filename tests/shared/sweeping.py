@@ -11,7 +11,7 @@ from namlcp.lcp.modulus import sweeps
 from namlcp.lcp.modulus.methods import Parameters
 from namlcp.limits import NEVER, Limits
 from namlcp.linalg.definite import is_symmetric
-from namlcp.progress import LCP_COLUMNS, Progress
+from namlcp.status import LCP_COLUMNS, Progress
 
 
 def box_lcp(A, q, lower, upper):

@@ -66,28 +66,6 @@ def put(found: SimpleNamespace, i: int, answer: Outcome) -> None:
         found.closest[i] = answer.closest
 
 
-def as_vectors(name: str, value: Any, other: str, matrix: Any) -> np.ndarray:
-    """Return vectors of a batch as an (N, size) array, one for all as (size,).
-
-    Columns and rows are flattened, and a number is as good as a vector of bounds.
-    `other`, the `matrix` of an item, has `size` rows.
-    """
-    array = real_array(name, value)
-    shape, size = array.shape, 1 if matrix.ndim == 1 else matrix.shape[0]
-    if array.ndim == 0 and name in ("lb", "ub"):
-        return array
-    if size > 1 and shape == (size, 1):
-        return array.ravel()
-    if shape[1:] in ((size, 1), (1, size)):
-        array = array.reshape(shape[0], size)
-    if array.ndim in (1, 2) and array.shape[-1] == size:
-        return array
-    raise ValueError(
-        f"{name} must have shape ({size},), or (N, {size}) for N items, to match "
-        f"{other} of shape {matrix.shape}, got {shape}"
-    )
-
-
 class Items:
     """The QPs of a batch; an argument without a batch axis belongs to all of them."""
 
@@ -110,11 +88,18 @@ class Items:
         for name, other in SIZED_BY.items():
             if one[name] is None or one[other] is None or sp.issparse(one[name]):
                 continue
-            array = as_vectors(name, one[name], other, one[other])
-            if array.ndim == 2:
-                self.stacked[name] = array
-                array = np.zeros(array.shape[1])
+            array, shape = real_array(name, one[name]), one[other].shape
+            size = shape[0] if len(shape) == 2 else 1
+            is_number = array.ndim == 0 and name in ("lb", "ub")
             one[name] = array
+            if array.shape[1:] in ((size,), (size, 1), (1, size)):
+                self.stacked[name] = array.reshape(len(array), size)
+                one[name] = np.zeros(size)
+            elif not is_number and array.shape not in ((size,), (size, 1)):
+                raise ValueError(
+                    f"{name} must have shape ({size},), or (N, {size}) for N items, to "
+                    f"match {other} of shape {shape}, got {array.shape}"
+                )
         sizes = {name: len(array) for name, array in self.stacked.items()}
         first, self.size = next(iter(sizes.items()), ("", 1))
         for name, size in sizes.items():

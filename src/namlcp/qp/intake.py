@@ -118,7 +118,6 @@ def rows_of(M, n, is_dense):
 
 
 def is_finite(array):
-    """Tell whether there is neither NaN nor infinity in a clean array."""
     values, bad = data_of(array), cython.cast(Py_ssize_t, 0)
     for i in range(cnp.PyArray_SIZE(array)):
         bad += not fabs(values[i]) < INFINITY

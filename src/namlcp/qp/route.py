@@ -9,10 +9,9 @@ In the end comes the closest point, if the QP is infeasible and it was asked for
 import numpy as np
 
 from namlcp.lcp.data import Prepared
-from namlcp.limits import NEVER, Deadline, OutOfTime
+from namlcp.limits import NEVER, OutOfTime
 from namlcp.linalg.threads import blas_threads
 from namlcp.options import RELAXATIONS
-from namlcp.progress import QP_COLUMNS, Progress
 from namlcp.qp.active.solve import (
     FEW_ENTRIES,
     FULL,
@@ -29,7 +28,7 @@ from namlcp.qp.judge import Judge
 from namlcp.qp.problem import NO_GUESS, Point, check_convex, make_guess
 from namlcp.qp.reductions import substitute
 from namlcp.residuals import UNDEFINED
-from namlcp.status import ENDS, Status
+from namlcp.status import ENDS, QP_COLUMNS, Progress, Status
 
 # Most variables, and most entries of P, G and A, zeros included, of the dense form,
 # which would take many seconds beyond.
@@ -107,7 +106,7 @@ def solve_checked(qp, options, guess, start, progress=None, memory=None, given=N
         progress = Progress(QP_COLUMNS, True)
     if progress is not None:
         progress.say(describe(qp, options))
-    limits = options.limits(Deadline(start + options.time_limit), progress)
+    limits = options.limits(start, progress)
     relaxation, stage = options.relaxation, None
     if relaxation:
         weights_of(qp, relaxation)  # raises where there are too many or too few

@@ -9,8 +9,8 @@ from namlcp.lcp.methods import find_method, solve_by_method
 from namlcp.lcp.pivoting.pivot import ACCURACY, solve_small
 from namlcp.limits import Deadline, Limits
 from namlcp.options import check_count, check_flag, check_number
-from namlcp.progress import LCP_COLUMNS, Progress
 from namlcp.results import LCPResult, lcp_result
+from namlcp.status import LCP_COLUMNS, Progress
 
 SWEEP_EPS_ABS = 1e-8  # the default of the sweep methods
 

@@ -16,7 +16,6 @@ import numpy as np
 from scipy.sparse import issparse
 
 from namlcp.checks import as_sparse, from_arrays, matrix, real_array, refuse_view
-from namlcp.limits import Deadline
 from namlcp.linalg.csc import as_dense
 from namlcp.options import DEFAULT_OPTIONS, Options, check_flag
 from namlcp.qp.active import solve as active
@@ -201,7 +200,6 @@ class Solver(metaclass=Public):
         self.vectors = vectors
 
     def take_matrices(self, changes: dict[str, Any]) -> None:
-        """Check and take those matrices that are new."""
         given, kept = dict(zip("PGA", self.given, strict=True)), self.qp._asdict()
         new = {}
         for name, M in changes.items():
@@ -295,8 +293,8 @@ class Solver(metaclass=Public):
         m, qp, options = self.active_set, self.qp, self.options
         self.left = self.left + 1 if m.code == Code.STUCK else 0
         self.pause = PAUSES[min(self.left, len(PAUSES) - 1)] if m.is_ready else inf
-        limits = options.limits(Deadline(start + options.time_limit))
-        answer = active.answer_of(m, Judge(qp, limits, self.given), NO_TRANSFORMS)
+        judge = Judge(qp, options.limits(start), self.given)
+        answer = active.answer_of(m, judge, NO_TRANSFORMS)
         if answer is None or answer.status not in ENDS:
             return None
         if options.relaxation and answer.status is Status.PRIMAL_INFEASIBLE:
@@ -329,14 +327,13 @@ def copied(name: str, M: Any) -> Any:
 
 
 def is_unchanged(new: Any, old: Any) -> bool:
-    """Tell whether two matrices are stored alike and equal in every entry."""
+    """Tell whether two matrices are stored alike and equal."""
     if getattr(new, "format", "") in ("csc", "csr"):
         return has_pattern_of(new, old) and are_equal(new.data, old.data)
     return type(new) is type(old) is np.ndarray and are_equal(new, old)
 
 
 def has_pattern_of(new: Any, old: Any) -> bool:
-    """Tell whether two sparse matrices are stored alike, entry after entry."""
     return (
         type(new) is type(old)
         and new.shape == old.shape
@@ -351,11 +348,7 @@ def are_equal(v: np.ndarray, w: np.ndarray) -> bool:
 
 
 def in_place_of(name: str, value: Any, kept: Any) -> Any:
-    """Return a user's matrix checked, as `kept` is stored: dense, or in its pattern.
-
-    Entries that the pattern has and the user's matrix has not are zeros. Raises
-    OtherShape where the shapes differ, or an entry lies outside the pattern.
-    """
+    """Return a user's matrix checked, as `kept` is stored: dense, or in its pattern."""
     new = matrix(name, value, "csc")
     if new.shape != kept.shape:
         raise OtherShape(
