@@ -448,25 +448,23 @@ def correct_by_kept(own, m):
     add_scaled(1.0, values + own.rows, m.nu, p)
 
 
-def rank_two(s: cython.double, a, b, t: cython.double, c, d):
-    """Return s a b' + t c d'."""
+def rank_two(a, b, c, d):
+    """Return a b' + c d'."""
     rows: Py_ssize_t = a.size
     columns: Py_ssize_t = b.size
     out = np.empty((rows, columns))
     of_a, of_b, of_c = numbers(a, rows), numbers(b, columns), numbers(c, rows)
     of_d, row = numbers(d, columns), numbers(out, rows * columns)
     for i in range(rows):
-        first, second = s * of_a[i], t * of_c[i]
+        first, second = of_a[i], of_c[i]
         for j in range(columns):
             row[j] = first * of_b[j] + second * of_d[j]
         row += columns
     return out
 
 
-def add_rank_two_at(
-    pattern, s: cython.double, a, b, t: cython.double, c, d, data
-):  # fmt: skip
-    """Add the entries of s a b' + t c d' at the places of a matrix in CSC to data."""
+def add_rank_two_at(pattern, a, b, c, d, data):
+    """Add the entries of a b' + c d' at the places of a matrix in CSC to data."""
     rows: Py_ssize_t = a.size
     columns: Py_ssize_t = b.size
     count: Py_ssize_t = data.size
@@ -476,7 +474,7 @@ def add_rank_two_at(
     of_d, out = numbers(d, columns), numbers(data, count)
     with cython.nogil:
         for j in range(columns):
-            left, right = s * of_b[j], t * of_d[j]
+            left, right = of_b[j], of_d[j]
             for k in range(indptr[j], indptr[j + 1]):
                 i = indices[k]
                 out[k] += of_a[i] * left + of_c[i] * right

@@ -75,7 +75,7 @@ class LCPDerivative:
         lower, upper = np.where(side < 0, mu, 0.0), np.where(side > 0, mu, 0.0)
 
         def matrix(_: str) -> Any:
-            return rank_two_on(self.given, 1.0, rho, self.z, 0.0, rho, self.z)
+            return rank_two_on(self.given, rho, self.z, 0.0 * rho, self.z)
 
         return LCPGradients(rho, lower, upper, self.weak, self.singular, matrix)
 

@@ -345,7 +345,7 @@ class ClosestDerivative:
             )
             v, u, lam, w = map(np.array, zip(*terms, strict=True))
             pattern = self.given["PGA".index(name)]
-            return rank_two_on(pattern, -1.0, v, u, -1.0, lam, w)
+            return rank_two_on(pattern, -v, u, -lam, w)
 
         return QPGradients(*vectors, second.weak, first.singular, matrix)
 
