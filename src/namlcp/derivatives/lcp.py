@@ -25,23 +25,28 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from scipy.linalg.lapack import dgetrf, dgetrs
 from scipy.sparse import csc_array, csr_array
+from scipy.sparse.linalg import lsmr, splu
 
-from namlcp.checks import from_arrays, no_rows
+from namlcp.checks import no_rows
 from namlcp.derivatives.dense import sides_of_lcp
-from namlcp.derivatives.factors import KKTFactors, LUFactors
 from namlcp.derivatives.gradients import LCPGradients, LCPTangent, change, rank_two_on
+from namlcp.derivatives.qp import KKTFactors, refined
 from namlcp.lcp.data import LCP, lcp_data
 from namlcp.lcp.methods import LARGE_LCP, solve_by_method
 from namlcp.lcp.multigrid.hierarchy import hierarchy_of, solve_free
 from namlcp.lcp.pivoting.pivot import ACCURACY
 from namlcp.lcp.prepared import Operator, Prepared
 from namlcp.limits import Limits
-from namlcp.linalg.csc import arrays_of, submatrix
+from namlcp.linalg.csc import submatrix
 from namlcp.status import Status
 
 # Of multigrid solves, relative to the right-hand side.
 RESIDUAL = 1e-12
+# A matrix is singular if the ratio of its pivots is below this; singular values below
+# this times its order count as 0.
+SINGULAR = 1e-13
 
 
 class LCPDerivative:
@@ -141,15 +146,51 @@ class LCPDerivative:
         return r, change("dlower", dlower, "q", q), change("dupper", dupper, "q", q)
 
 
-def factored(matrix: Prepared, free: np.ndarray) -> LUFactors | KKTFactors:
+def factored(matrix: Prepared, free: np.ndarray) -> "LUFactors | KKTFactors":
     """Return the factors of A_FF, without pivoting if it is sparse and definite."""
     if not matrix.is_sparse:
         return LUFactors(matrix.A[np.ix_(free, free)])
-    transpose = from_arrays(arrays_of(matrix.A), matrix.A.shape, csc_array)
-    transpose = submatrix(transpose, free, free)
+    A = submatrix(csc_array(matrix.A), free, free)
     if matrix.symmetric:
         with suppress(ValueError):  # a pivot vanishes: A is indefinite
-            found = KKTFactors(transpose, no_rows(free.size))
+            found = KKTFactors(A, no_rows(free.size))
             if (found.kkt.plan().pivots > 0.0).all():
                 return found
-    return LUFactors(transpose.T)
+    return LUFactors(A)
+
+
+class LUFactors:
+    """LU factors of K with rows and columns scaled; least squares if it is singular."""
+
+    def __init__(self, K: Any) -> None:
+        size = abs(K)
+        self.rows, self.columns = scales = [size.sum(axis=k) for k in (1, 0)]
+        for scale in scales:
+            scale[scale == 0.0] = 1.0
+            scale **= -0.5
+        K, pivots = self.rows[:, None] * K * self.columns, np.zeros(1)
+        if isinstance(K, np.ndarray):
+            lu, order, _ = dgetrf(K)
+            pivots = np.abs(lu.diagonal())
+            self.solve_scaled = lambda v, turned: dgetrs(lu, order, v, turned)[0]
+        else:
+            K = csc_array(K)
+            with suppress(RuntimeError):  # a pivot is exactly 0
+                lu = splu(K)
+                pivots = np.abs(lu.U.diagonal())
+                self.solve_scaled = lambda v, turned: lu.solve(v, "NT"[turned])
+        self.K, self.regular = K, bool(pivots.min() > SINGULAR * pivots.max())
+
+    def solve(self, r: np.ndarray, transposed: bool = False) -> np.ndarray:
+        K, left, right = self.K, self.rows, self.columns
+        if transposed:
+            K, left, right = K.T, right, left
+        if self.regular:
+            w = refined(
+                lambda v: self.solve_scaled(v, transposed), K.__matmul__, left * r
+            )
+        elif isinstance(K, np.ndarray):
+            w = np.linalg.lstsq(K, left * r, SINGULAR * r.size)[0]
+        else:
+            w = lsmr(K, left * r, atol=1e-14, btol=1e-14)[0]
+        return right * w

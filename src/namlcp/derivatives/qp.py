@@ -48,7 +48,7 @@ want, where N spans the combinations (y, z, z_box) of active constraints with A'
 an LP in t: e'(y, z) and the moves of the bounds times z_box least.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property, partial
 from time import perf_counter
 from types import SimpleNamespace
@@ -57,9 +57,15 @@ from typing import Any
 import numpy as np
 from scipy.sparse import vstack
 
-from namlcp.checks import as_sparse, clean_copy, real_array, refuse_number
+from namlcp.checks import (
+    as_sparse,
+    clean_copy,
+    from_arrays,
+    no_rows,
+    real_array,
+    refuse_number,
+)
 from namlcp.derivatives.dense import DenseItem, differentiate_part, sides_of
-from namlcp.derivatives.factors import KKTFactors
 from namlcp.derivatives.gradients import (
     BatchGradients,
     QPGradients,
@@ -69,15 +75,30 @@ from namlcp.derivatives.gradients import (
     rank_two_on,
     right_sides,
 )
-from namlcp.linalg.csc import add_transposed, submatrix, times
+from namlcp.linalg.csc import add_transposed, by_rows, submatrix, times
 from namlcp.options import DEFAULT_OPTIONS, check_count
 from namlcp.qp.batch import Items, available_cores, chunks_of, on_threads
 from namlcp.qp.closest import Face
 from namlcp.qp.intake import qp_data
+from namlcp.qp.kkt import KKT, equilibrate
 from namlcp.qp.problem import NO_GUESS, QP, Point
 from namlcp.qp.route import solve_checked
 from namlcp.status import Status
 
+# Most steps of refinement, and the residual that ends it, relative to the largest
+# number of right-hand side and solution.
+REFINEMENTS, ROUNDING = 20, 1e-15
+# DELTA. A smaller shift makes smaller pivots, whose rounding errors would exceed it;
+# the larger ones are tried where a pivot is 0 by rounding.
+SHIFTS = 1e-8, 3.7e-8, 1.3e-7
+# Steps that project random vectors to the null space of K; how many vectors, until the
+# null space has fewer dimensions (of one with more than the last a part is found).
+PROJECTIONS, WIDTHS = 4, (1, 4, 16, 64)
+# A projected unit vector with a norm below LOST over sqrt(order) counts as 0: a random
+# one has a larger part in any null space. Those with singular values below NULL,
+# relative to the largest, are multiples of the others; of a unit vector v of the null
+# space || K v || is at most ZERO_IMAGE, for K scaled.
+LOST, NULL, ZERO_IMAGE = 1e-3, 1e-6, 1e-12
 # Entries of a combination up to VANISHED of its largest one count as 0; in the
 # multipliers a combination of null vectors counts as 0 below the norm INDEPENDENT.
 VANISHED, INDEPENDENT = 1e-9, 1e-6
@@ -125,7 +146,7 @@ class QPDerivative:
         rows = self.qp.A, self.qp.G
         return np.concatenate(rows) if self.qp.is_dense else vstack(rows, "csc")
 
-    def factored(self, held: np.ndarray) -> KKTFactors:
+    def factored(self, held: np.ndarray) -> "KKTFactors":
         """Return the factors of K for held constraints."""
         P, C = as_sparse(self.qp.P), as_sparse(self.C)
         at = np.flatnonzero(held[: C.shape[0]])
@@ -274,6 +295,85 @@ def independent(
         left_out[i] = True
         N[:, k + 1 :] -= np.outer(column, N[i, k + 1 :] / column[i])
     return np.where(left_out, 0, held), Point(point.x, *np.split(value, (p, p + m)))
+
+
+def refined(
+    solve: Callable[[np.ndarray], Any],
+    product: Callable[[np.ndarray], np.ndarray],
+    r: np.ndarray,
+) -> np.ndarray:
+    """Solve K w = r: by what solves it up to errors, and by products with K."""
+    w, rest, error = np.zeros(r.size), r, np.inf
+    for _ in range(REFINEMENTS):
+        trial = w + solve(rest)
+        rest = r - product(trial)
+        before, error = error, float(np.abs(rest).max(initial=0.0))
+        if not error < before:
+            break
+        w = trial
+        size = max(np.abs(v).max(initial=0.0) for v in (r, w))
+        if not ROUNDING * size < error < 0.5 * before:
+            break
+    return w
+
+
+class KKTFactors:
+    """L D L' of the sparse matrix K of P and C, which are in CSC.
+
+    K is scaled to rows of size 1 and factored as the quasi-definite K~ = K + DELTA
+    diag(I, -I): each step of refinement multiplies the error by about DELTA over the
+    least singular value of K. null_space (order, k): a basis of what K maps to 0.
+    """
+
+    def __init__(self, P: Any, C: Any) -> None:
+        self.kkt = kkt = KKT(P, by_rows(C), by_rows(no_rows(C.shape[1])))
+        self.scale = np.ones(kkt.size)
+        values = kkt.base.copy()
+        equilibrate(kkt.indptr, kkt.indices, values, self.scale)
+        self.diagonal, shape = values[kkt.diagonal], (kkt.size, kkt.size)
+        self.triangle = from_arrays((kkt.indptr, kkt.indices, values), shape)
+        for shift in SHIFTS:
+            kkt.data[:] = values
+            kkt.data[kkt.diagonal[: kkt.n]] += shift
+            kkt.data[kkt.diagonal[kkt.n :]] -= shift
+            if kkt.factor():
+                break
+        else:
+            raise ValueError("the KKT matrix of the active constraints has no factors")
+        self.basis = self.find_null_space()
+        self.null_space = (self.basis * self.scale).T
+        self.regular = not self.basis.size
+
+    def find_null_space(self) -> np.ndarray:
+        """Return an orthonormal basis of the null space of K scaled, by rows.
+
+        v - K~^-1 K v keeps what K maps to 0, and little else.
+        """
+        size, V = self.kkt.size, np.empty((0, 0))
+        for width in WIDTHS if size else ():
+            V = np.random.default_rng(0).standard_normal((min(width, size), size))
+            V /= np.linalg.norm(V, axis=1)[:, None]
+            for _ in range(PROJECTIONS):
+                V = np.array([v - self.kkt.plan().solve(self.product(v)) for v in V])
+                if np.linalg.norm(V, axis=1).max() < LOST / np.sqrt(size):
+                    return V[:0]
+            values, V = np.linalg.svd(V, full_matrices=False)[1:]
+            image = np.array([np.linalg.norm(self.product(v)) for v in V])
+            V = V[(values > NULL * values[0]) & (image <= ZERO_IMAGE)]
+            if V.shape[0] < width:
+                break
+        return V
+
+    def product(self, w: np.ndarray) -> np.ndarray:
+        Kw = times(self.triangle, w) - self.diagonal * w
+        add_transposed(self.triangle, w, Kw)
+        return Kw
+
+    def solve(self, r: np.ndarray, transposed: bool = False) -> np.ndarray:
+        """Return the solution, of least norm for the scaled K if it is singular."""
+        r, N = r * self.scale, self.basis
+        w = refined(self.kkt.plan().solve, self.product, r - N.T @ (N @ r))
+        return (w - N.T @ (N @ w)) * self.scale
 
 
 # ---- infeasible QPs
