@@ -1,20 +1,19 @@
 """Active constraints, and the derivatives of dense QPs in compiled code.
 
-A constraint is strictly active if its multiplier is not 0, and weakly active if its
-multiplier is 0 although it holds with equality; there the solution has a kink. The
-sides of constraints are 1 for a row and at ub, -1 at lb, 0 where the constraint is not
-active: `strict` those of strictly active ones, `whole` of all. A pinned variable (lb_j
-= ub_j) always counts as strictly active, at the bound that its multiplier presses on.
+A constraint is strictly active if its multiplier is not 0, weakly active if that is 0
+although the constraint holds with equality; there the solution has a kink. Sides are 1
+for a row and at ub, -1 at lb, 0 where a constraint is not active: `strict` those of
+strictly active ones, `whole` of all. A pinned variable (lb_j = ub_j) always counts as
+strictly active, at the bound that its multiplier presses on.
 
-Dense QPs are differentiated in the regular case of `namlcp.derivatives.qp`: for P_FF =
-L L' and V = C_F L^-T the Schur complement is S = V V', and
+The regular case of `namlcp.derivatives.qp`: for P_FF = L L' and V = C_F L^-T the Schur
+complement is S = V V', and
 
     [P_FF C_F'; C_F 0] (u, v) = (r, s):   S v = V L^-1 r - s,
                                           u = L^-T (L^-1 r - V'v).
 
-The factors that a solve has left, `kept`, serve if they are those of the strictly
-active constraints: they belong to the whole P, with active bounds as rows, see
-`namlcp.qp.active.engine`.
+The factors that a solve has left, `kept`, belong to the whole P, with active bounds as
+rows (`namlcp.qp.active.engine`). They serve if their rows are the strictly active ones.
 """
 
 import cython
@@ -97,12 +96,10 @@ def sides_of(qp, point):
 
 
 def sides_of_lcp(q, lower, upper, slopes, z, w):
-    """Return the sides (2, n) int8 of the unknowns of a solved LCP.
+    """Return the sides `strict` and `whole` (2, n) of the unknowns of a solved LCP.
 
-    `strict` is 0 where an unknown counts as free; `whole` counts unknowns at a bound
-    with w = 0 as fixed, too. w_i is 0 up to ACTIVE times the largest term of (A z +
-    q)_i, as far as these are known. z_i is at a bound with w_i != 0 if its distance is
-    less than |w_i| over the slope of w_i in z_i.
+    w_i is 0 up to ACTIVE times the largest known term of (A z + q)_i. z_i is at a bound
+    with w_i != 0 if its distance is less than |w_i| over the slope of w_i in z_i.
     """
     n: Py_ssize_t = q.size
     sides = np.empty((2, n), dtype=np.int8)
@@ -129,8 +126,8 @@ def sides_of_lcp(q, lower, upper, slopes, z, w):
 def mark(t, share, norms, size, strict, whole):
     """Set the sides; return how many constraints are weak.
 
-    share: exceeds ACTIVE where z_i does not count as 0; norms: of the rows of G; size:
-    1 over the largest term of each column of the stationarity condition, or 0.
+    share: exceeds ACTIVE where z_i is not 0; norms: of the rows of G; size: 1 over the
+    largest term of each column of the stationarity condition, or 0.
     """
     n, m = t.n, t.m
     weak: Py_ssize_t = 0
@@ -199,23 +196,21 @@ class DenseItem:
     def backward(self, cotangents):
         """Return the gradients in q, h, b, lb and ub."""
         n, m, p = self.qp.n, self.qp.m, self.qp.p
-        q, h, b = np.empty(n), np.empty(m), np.empty(p)
-        lb, ub = np.empty(n), np.empty(n)
+        h, b, lb, ub = n, n + m, n + m + p, 2 * n + m + p
+        out = np.empty(ub + n)
         dx, dy, dz, dz_box = cotangents
         self.of_x, self.of_y = numbers(dx, n), numbers(dy, p)
         self.of_z, self.of_box = numbers(dz, m), numbers(dz_box, n)
-        self.u, self.lam, self.nu = numbers(q, n), numbers(h, m), numbers(b, p)
-        self.lower, self.upper = numbers(lb, n), numbers(ub, n)
+        set_gradients(self, numbers(out, ub + n))
         solve_item(self)
-        return q, h, b, lb, ub
+        return out[:h], out[h:b], out[b:lb], out[lb:ub], out[ub:]
 
 
 def differentiate_part(chosen, arrays, out, sides, weak, regular):
-    """Write what is found of the chosen items, the gradients side by side to `out`.
+    """Write what is found of the chosen items, gradients to `out` unless K is singular.
 
     arrays: P, q, G, h, A, b, lb, ub, x, y, z, z_box and the gradients in these four, of
-    each item, or of one that stands for all. The zeros in `out` stay where K is
-    singular.
+    each item, or of one that stands for all.
     """
     n: Py_ssize_t = arrays[1].shape[1]
     m: Py_ssize_t = arrays[3].shape[1]
@@ -237,11 +232,7 @@ def differentiate_part(chosen, arrays, out, sides, weak, regular):
         for t in range(length):
             i = which[t]
             set_item(item, start, step, i)
-            item.u = gradients + i * width
-            item.lam = item.u + n
-            item.nu = item.lam + m
-            item.lower = item.nu + p
-            item.upper = item.lower + n
+            set_gradients(item, gradients + i * width)
             item.strict = side + i * (m + n)
             mark_item(item)
             weak_n[i], is_regular[i] = item.weak, factor(item)
@@ -250,7 +241,6 @@ def differentiate_part(chosen, arrays, out, sides, weak, regular):
 
 
 def set_item(m, start, step, i):
-    """Take item i of arrays; step: the numbers from item to item."""
     qp = cython.address(m.qp)
     m.P, qp.q = start[0] + i * step[0], start[1] + i * step[1]
     m.G, qp.h = start[2] + i * step[2], start[3] + i * step[3]
@@ -262,8 +252,13 @@ def set_item(m, start, step, i):
     m.of_z, m.of_box = start[14] + i * step[14], start[15] + i * step[15]
 
 
+def set_gradients(m, out):
+    m.u, m.v = out, out + m.qp.n
+    m.lower = m.v + m.qp.m + m.qp.p
+    m.upper = m.lower + m.qp.n
+
+
 def mark_item(m):
-    """Find the strictly active constraints, and note what they hold and leave free."""
     qp = cython.address(m.qp)
     n, rows, size, share, norms = qp.n, qp.m, qp.Px, qp.Gx + qp.m, qp.Gx + 2 * qp.m
     times_rows(m.P, n, n, n, qp.x, size)
@@ -286,12 +281,10 @@ def mark_item(m):
                 if share[i] > ACTIVE:
                     break
     m.weak = mark(qp, share, norms, size, m.strict, m.whole)
-    m.held_n, m.free_n = qp.p, 0
-    for i in range(qp.p):
-        m.held[i] = i
-    for i in range(rows):
-        if m.strict[i] != 0:
-            m.held[m.held_n] = qp.p + i
+    m.held_n, m.free_n = 0, 0
+    for i in range(rows + qp.p):
+        if i >= rows or m.strict[i] != 0:
+            m.held[m.held_n] = i
             m.held_n += 1
     for j in range(n):
         if m.strict[rows + j] == 0:
@@ -315,7 +308,7 @@ def serves(own, m):
 
 
 def factor(m):
-    """Compute L, V and the factor of S, lower triangles; tell whether they exist."""
+    """Compute L, V and the factor of S; tell whether they exist."""
     n, k = m.free_n, m.held_n
     if k > n:
         return False
@@ -337,9 +330,8 @@ def factor(m):
 
 
 def row_at(m, k):
-    """Return row k of [A; G]."""
-    p, n = m.qp.p, m.qp.n
-    return m.A + k * n if k < p else m.G + (k - p) * n
+    n, rows = m.qp.n, m.qp.m
+    return m.G + k * n if k < rows else m.A + (k - rows) * n
 
 
 def has_factor(M, n):
@@ -355,8 +347,7 @@ def has_factor(M, n):
 
 def solve_item(m):
     qp, side = cython.address(m.qp), m.strict + m.qp.m
-    fill(m.lam, 0.0, qp.m)
-    fill(m.nu, 0.0, qp.p)
+    fill(m.v, 0.0, qp.m + qp.p)
     for j in range(qp.n):
         m.u[j] = m.of_box[j] if side[j] != 0 else 0.0
     for k in range(SOLVES):
@@ -374,32 +365,28 @@ def solve_item(m):
 
 
 def set_remainder(m, are_zero):
-    """Set lower = of_x - P u - G'lam - A'nu, and s = (of_y - A u, of_z - G u)_held.
+    """Set lower = of_x - P u - (G' A') v, and s = (of_z - G u, of_y - A u)_held.
 
-    are_zero: u, lam and nu are 0; products with large matrices would take a while.
+    are_zero: u and v are 0, and need no products.
     """
     qp, rest = cython.address(m.qp), m.lower
-    n, p = qp.n, qp.p
+    n, rows = qp.n, qp.m
     fill(rest, 0.0, n)
     if not are_zero:
         add_times_transposed(m.P, n, n, m.u, rest)  # P = P'
     for i in range(m.held_n):
         k, row = m.held[i], row_at(m, m.held[i])
-        if k < p:
-            goal, multiplier = m.of_y[k], m.nu[k]
-        else:
-            goal, multiplier = m.of_z[k - p], m.lam[k - p]
-        m.s[i] = goal
+        m.s[i] = m.of_z[k] if k < rows else m.of_y[k - rows]
         if not are_zero:
             m.s[i] -= dot(row, m.u, n)
-            add_scaled(multiplier, row, rest, n)
+            add_scaled(m.v[k], row, rest, n)
     for j in range(n):
         rest[j] = m.of_x[j] - rest[j]
 
 
 def correct(m):
-    """Add the solution for the remainder to u_F, nu and lam, by L, V and S."""
-    n, k, p, t, s = m.free_n, m.held_n, m.qp.p, m.t, m.s
+    """Add the solution for the remainder to u_F and v, by L, V and S."""
+    n, k, t, s = m.free_n, m.held_n, m.t, m.s
     for a in range(n):
         t[a] = m.lower[m.free[a]]
     forward_solve(m.L, n, t)
@@ -412,23 +399,19 @@ def correct(m):
     for a in range(n):
         m.u[m.free[a]] += t[a]
     for i in range(k):
-        if m.held[i] < p:
-            m.nu[m.held[i]] += s[i]
-        else:
-            m.lam[m.held[i] - p] += s[i]
+        m.v[m.held[i]] += s[i]
 
 
 def correct_by_kept(own, m):
-    """Do as `correct` does, by the factors of the solve.
+    """Do the same by the factors of the solve: C u = goals in its active rows.
 
-    They solve P u + A'nu + C'v = r, A u = e and C u = goals for its active rows C; of
-    the bounds among them, the v need no correction.
+    The multipliers of bounds need no correction.
     """
     qp = cython.address(m.qp)
     n, p, goals, values = qp.n, qp.p, m.work, m.work + qp.n
     for j in range(n):
         own.rhs[j] = m.lower[j] if m.strict[qp.m + j] == 0 else 0.0
-    copy(m.s, own.rhs + n, p)
+    copy(m.s + m.held_n - p, own.rhs + n, p)
     own.set_values(own.rhs, values)  # (G u, u, nu) without the active rows
     for i in range(own.k):
         k = own.active[i]
@@ -443,9 +426,9 @@ def correct_by_kept(own, m):
         k = own.active[i]
         add_scaled(-goals[i], response_of(own, k) + qp.m, values + qp.m, n + p)
         if k < qp.m:
-            m.lam[k] += goals[i]
+            m.v[k] += goals[i]
     add_scaled(1.0, values + qp.m, m.u, n)
-    add_scaled(1.0, values + own.rows, m.nu, p)
+    add_scaled(1.0, values + own.rows, m.v + qp.m, p)
 
 
 def rank_two(a, b, c, d):
