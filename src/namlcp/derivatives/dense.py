@@ -21,19 +21,8 @@ import numpy as np
 from cython import Py_ssize_t
 from cython.cimports import numpy as cnp
 from cython.cimports.libc.math import fabs, sqrt
-from cython.cimports.namlcp.linalg.arrays import (
-    data_of,
-    indices,
-    numbers,
-    places,
-    signs,
-)
-from cython.cimports.namlcp.linalg.blas import (
-    cholesky,
-    cholesky_solve,
-    gram,
-    solve_rows,
-)
+from cython.cimports.namlcp.linalg.arrays import indices, numbers, places, signs
+from cython.cimports.namlcp.linalg.blas import cholesky, gram, solve_rows
 from cython.cimports.namlcp.linalg.dense import (
     add_times_transposed,
     backward_solve,
@@ -42,13 +31,7 @@ from cython.cimports.namlcp.linalg.dense import (
     triangle_solve,
     triangle_solve_transposed,
 )
-from cython.cimports.namlcp.linalg.vectors import (
-    add_scaled,
-    copy,
-    dot,
-    fill,
-    largest_entry,
-)
+from cython.cimports.namlcp.linalg.vectors import add_scaled, dot, fill, largest_entry
 from cython.cimports.namlcp.measure import Terms, set_terms
 from cython.cimports.namlcp.qp.active.dense import DenseActiveSet
 from cython.cimports.namlcp.qp.active.engine import response_of
@@ -222,7 +205,7 @@ def differentiate_part(chosen, arrays, out, sides, weak, regular):
     item: DenseItem = DenseItem(n, m, p)
     for k in range(ARRAYS):
         array: cnp.ndarray = arrays[k]
-        start[k], step[k] = data_of(array), 0
+        start[k], step[k] = numbers(array, cnp.PyArray_SIZE(array)), 0
         if cnp.PyArray_DIM(array, 0) > 1:
             step[k] = cnp.PyArray_STRIDE(array, 0) // 8
     gradients, side = numbers(out, out.size), signs(sides, sides.size)
@@ -392,7 +375,8 @@ def correct(m):
     forward_solve(m.L, n, t)
     for i in range(k):
         s[i] = dot(m.V + i * n, t, n) - s[i]
-    cholesky_solve(m.S, k, s)
+    forward_solve(m.S, k, s)
+    backward_solve(m.S, k, s)
     for i in range(k):
         add_scaled(-s[i], m.V + i * n, t, n)
     backward_solve(m.L, n, t)
@@ -411,7 +395,8 @@ def correct_by_kept(own, m):
     n, p, goals, values = qp.n, qp.p, m.work, m.work + qp.n
     for j in range(n):
         own.rhs[j] = m.lower[j] if m.strict[qp.m + j] == 0 else 0.0
-    copy(m.s + m.held_n - p, own.rhs + n, p)
+    for i in range(p):
+        own.rhs[n + i] = m.s[m.held_n - p + i]
     own.set_values(own.rhs, values)  # (G u, u, nu) without the active rows
     for i in range(own.k):
         k = own.active[i]

@@ -1,8 +1,4 @@
-"""What `backward` and `forward` return.
-
-The gradients in the matrices are outer products: they are formed when asked for, in the
-form in which the user gave the matrix, a sparse one on its stored entries alone.
-"""
+"""What `backward` and `forward` return, and the outer products that they ask for."""
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
@@ -91,20 +87,15 @@ class BatchGradients(QPGradients):
         shared, the sum over all items. P, G and A are formed at the first access.
     used : (N,) bool array
         Which items were solved; the others have gradients 0.
-    weak : (N,) array
+    weak, singular : (N,) array
         As in `QPGradients`, for each item.
-    singular : (N,) bool array
-        The same.
     """
 
     used: np.ndarray
 
 
 def change(name: str, value: Any, other: str, own: Any) -> Any:
-    """Return finite numbers of the caller, shaped as `own` is.
-
-    In place of None there is a vector of zeros, of a matrix None.
-    """
+    """Return finite numbers shaped as `own`; in place of None a vector of zeros."""
     if own.ndim == 2:
         return None if value is None else finite_matrix(name, value, other, own.shape)
     if value is None:
@@ -115,8 +106,7 @@ def change(name: str, value: Any, other: str, own: Any) -> Any:
 def rank_two_on(pattern: Any, a: Any, b: Any, c: Any, d: Any) -> Any:
     """Return a b' + c d' as an array, or on the entries of a sparse `pattern`.
 
-    The vectors may have a leading axis, of sums to be added up. A CSR matrix has its
-    gradient in CSR, any other sparse matrix in CSC.
+    The vectors may have a leading axis, of sums to be added up.
     """
     if not sp.issparse(pattern):
         return rank_two(a, b, c, d) if a.ndim == 1 else a.T @ b + c.T @ d
@@ -140,8 +130,7 @@ def matrix_gradient(
 ) -> Any:
     """Return the gradient in P, G or A from those in q, h and b, the first `vectors`.
 
-    It is (g_q x' + x g_q') / 2, z g_q' - g_h x' or y g_q' - g_b x'; in one that is
-    stacked that of each item, else in the form of the matrix `given`.
+    It has a leading axis of items if that is stacked.
     """
     (of_q, of_h, of_b), (x, y, z, _) = vectors[:3], point
     if name == "P":

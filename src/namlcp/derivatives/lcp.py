@@ -50,22 +50,19 @@ SINGULAR = 1e-13
 
 
 class LCPDerivative:
-    """The derivative of one solution; `weak` and `singular` as in `LCPGradients`."""
+    """The derivative of one solution."""
 
     def __init__(self, lcp: LCP, given: Any, z: np.ndarray, w: np.ndarray) -> None:
         """Choose F and factor A_FF; `given`: A as the user stores it."""
         if isinstance(lcp.A, Operator):
             raise ValueError("derivatives need the entries of A, got a LinearOperator")
         self.lcp, self.given, self.z = lcp, given, z
-        _, q, lower, upper = lcp
-        slopes = lcp.matrix.slopes
-        side, self.weak_side = sides_of_lcp(q, lower, upper, slopes, z, w)
-        self.strict_side = side
-        self.weak = int(np.count_nonzero(self.weak_side) - np.count_nonzero(side))
-        self.singular, matrix = False, lcp.matrix
-        for held in (side, self.weak_side) if self.weak else (side,):
-            self.side, self.free = held, np.flatnonzero(held == 0)
-            self.factors = None
+        matrix, q, lower, upper = lcp
+        self.strict, self.whole = sides_of_lcp(q, lower, upper, matrix.slopes, z, w)
+        self.weak = int(np.count_nonzero(self.whole) - np.count_nonzero(self.strict))
+        self.singular = False
+        for side in (self.strict, self.whole) if self.weak else (self.strict,):
+            self.side, self.free, self.factors = side, np.flatnonzero(side == 0), None
             is_large = matrix.is_sparse and self.free.size >= LARGE_LCP
             if not self.free.size or (is_large and hierarchy_of(matrix) is not None):
                 break
@@ -85,8 +82,7 @@ class LCPDerivative:
         return LCPGradients(rho, lower, upper, self.weak, self.singular, matrix)
 
     def forward(self, *changes: Any) -> LCPTangent:
-        r, dl, du = self.direction(*changes)
-        dz, dw = self.solve(r, np.where(self.side < 0, dl, du), False)
+        dz, dw = self.solve(*self.direction(self.side, *changes), False)
         return LCPTangent(dz, dw, self.weak, self.singular)
 
     def solve(self, r: Any, fixed: Any, transposed: bool) -> tuple[Any, Any]:
@@ -122,9 +118,8 @@ class LCPDerivative:
     def directional(self, *changes: Any) -> LCPTangent:
         if not self.weak and not self.singular:
             return self.forward(*changes)
-        side, fixed = self.weak_side, self.strict_side != 0
-        r, dl, du = self.direction(*changes)
-        moved = np.where(side < 0, dl, du)
+        side, fixed = self.whole, self.strict != 0
+        r, moved = self.direction(side, *changes)
         lower = np.where(fixed | (side < 0), moved, -np.inf)
         upper = np.where(fixed | (side > 0), moved, np.inf)
         lcp = lcp_data(self.lcp.matrix, r, lower, upper)
@@ -137,13 +132,19 @@ class LCPDerivative:
         dz, dw, _ = found.point
         return LCPTangent(dz, dw, self.weak, self.singular)
 
-    def direction(self, dA: Any, dq: Any, dlower: Any, dupper: Any) -> tuple[Any, ...]:
-        """Return dA z + dq, dlower and dupper for a direction of the data."""
+    def direction(
+        self, side: Any, dA: Any, dq: Any, dlower: Any, dupper: Any
+    ) -> tuple[Any, Any]:
+        """Return dA z + dq, and how the bounds at these sides move."""
         q, dA = self.lcp.q, change("dA", dA, "A", self.lcp.A)
         r = change("dq", dq, "q", q)
         if dA is not None:
             r = r + dA @ self.z
-        return r, change("dlower", dlower, "q", q), change("dupper", dupper, "q", q)
+        dlower, dupper = (
+            change("dlower", dlower, "q", q),
+            change("dupper", dupper, "q", q),
+        )
+        return r, np.where(side < 0, dlower, dupper)
 
 
 def factored(matrix: Prepared, free: np.ndarray) -> "LUFactors | KKTFactors":

@@ -57,14 +57,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse import vstack
 
-from namlcp.checks import (
-    as_sparse,
-    clean_copy,
-    from_arrays,
-    no_rows,
-    real_array,
-    refuse_number,
-)
+from namlcp.checks import as_sparse, from_arrays, no_rows, real_array, refuse_number
 from namlcp.derivatives.dense import DenseItem, differentiate_part, sides_of
 from namlcp.derivatives.gradients import (
     BatchGradients,
@@ -273,9 +266,8 @@ def independent(
 ) -> tuple[np.ndarray, Point]:
     """Return independent constraints among the held that carry all multipliers alone.
 
-    Each dependency is followed until a first multiplier is 0, whose constraint then
-    counts as inactive (Caratheodory's theorem). Where a dependency has equalities
-    alone, one of them is left out.
+    Each dependency is followed until a first multiplier is 0, whose constraint is left
+    out (Caratheodory's theorem); one of equalities alone loses one of them.
     """
     p, m, sign = qp.b.size, qp.h.size, signs(qp, held)
     value, left_out = np.concatenate(point[1:]), np.zeros(sign.size, dtype=bool)
@@ -382,24 +374,19 @@ class KKTFactors:
 class ClosestDerivative:
     """The derivative of the closest point of an infeasible QP, for shifts of norm 2.
 
-    `namlcp.qp.closest` finds it in two stages, which are differentiated one after the
-    other, the constraints held that are active in each (C, d: all rows and right
-    sides):
+    The two stages of `namlcp.qp.closest` are differentiated one after the other, with
+    the constraints held that are active in each (C, d: all rows and right sides):
 
     1. the shifts r of the held rows: min 1/2 r'W r, C x - r = d, x_j fixed at held
-       bounds;
-    2. the point x: min 1/2 x'Px + q'x, C x = d + r in held rows, <= in the others.
-
-    The gradient in r of stage 2 is that in its right side. In stage 1 x may be any
-    point with these shifts; the one of stage 2 is taken. If the held rows leave x some
-    freedom, a change of C that raises their rank makes shifts and point jump; the
-    gradients are those for changes that do not.
+       bounds; x may be any point with these shifts, here that of stage 2;
+    2. the point x: min 1/2 x'Px + q'x, C x = d + r in held rows, <= in the others. The
+       gradient in r is that in the right side.
     """
 
     def __init__(
         self, problem: tuple[QP, Any], face: Face, easier: QP, point: Point
     ) -> None:
-        """Factor; `problem`: the QP with P, G and A as given; the others: stage 2."""
+        """`problem`: the QP with P, G and A as given; the others: stage 2."""
         self.face, (self.qp, self.given) = face, problem
         self.first = QPDerivative(*face.least_shifts(point.x))
         self.second = QPDerivative(easier, point)
@@ -467,10 +454,8 @@ class BatchDerivative:
     def solve(self, cotangents: Sequence[Any]) -> SimpleNamespace:
         """Return what is found of the items, one after another.
 
-        vectors: the gradients in q, h, b, lb and ub. points: the solutions with
-        multipliers 0 of constraints that are not held. sides (N, m + n): of rows of G
-        and variables, see `dense`. weak: how many constraints are; regular: whether K
-        is, with the strictly active constraints.
+        vectors: the gradients in q, h, b, lb and ub. points, sides (N, m + n), weak: as
+        of `QPDerivative` and `dense`; regular: whether K of strictly active rows is.
         """
         items, points = self.items, Point(*map(np.copy, self.points))
         pairs = zip(Point._fields, cotangents, points, strict=True)
@@ -482,7 +467,7 @@ class BatchDerivative:
         regular = np.zeros(count, bool)
         if items.shared.is_dense:
             pairs, dense = items.shared._asdict().items(), chosen
-            data = (clean_copy(items.stacked.get(k, own[None])) for k, own in pairs)
+            data = (items.stacked.get(k, own[None]) for k, own in pairs)
             arrays = *data, *points, *parts
             chunks = chunks_of(dense.size, (n + m + p) * n * n, self.threads)
 
