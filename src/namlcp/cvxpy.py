@@ -151,13 +151,9 @@ class NAM(QpSolver):
             s.NUM_ITERS: int(solution.iterations),
             s.EXTRA_STATS: extra,
         }
-        x: dict[int, Any] = {}
+        value = point.obj + inverse_data[s.OFFSET]  # infinite without a point
+        x = {self.VAR_ID: point.x} if status in s.SOLUTION_PRESENT else {}
         duals: dict[int, Any] = {}
-        value = None
-        if status != s.SOLVER_ERROR:
-            value = point.obj + inverse_data[s.OFFSET]  # infinite without a point
-        if status in s.SOLUTION_PRESENT:
-            x = {self.VAR_ID: point.x}
         if have_duals:
             for kind, values in (self.EQ_CONSTR, y), (self.NEQ_CONSTR, z):
                 constraints = inverse_data[kind]
