@@ -9,6 +9,7 @@ import namlcp
 from validation.derivatives.cases import (
     KINKS,
     around,
+    definite,
     direction,
     flat,
     moved,
@@ -222,9 +223,8 @@ def test_an_indefinite_symmetric_lcp_is_factored_with_pivoting(kind):
 def test_a_large_null_space_leaves_the_adjoint(kind):
     """P of rank 30 of 60, five rows twice: x is not unique, and pivots vanish."""
     rng = np.random.default_rng(0)
-    B, G = rng.standard_normal((30, 60)), rng.standard_normal((35, 60))
-    G[30:] = G[:5]
-    q = B.T @ rng.standard_normal(30)
+    B, G = definite(60, rng)[:30], rng.standard_normal((30, 60))
+    q, G = B.T @ (B @ rng.standard_normal(60)), np.vstack((G, G[:5]))
     result = namlcp.solve_qp(kind(B.T @ B), q, kind(G), np.full(35, 0.1), **EXACT)
     d, g = B.T @ rng.standard_normal(30), B.T @ rng.standard_normal(30)
     found = result.backward(dx=g)
