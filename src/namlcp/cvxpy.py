@@ -93,11 +93,10 @@ class NAM(QpSolver):
         solver_opts: dict[str, Any],
         solver_cache: dict[str, Any] | None = None,
     ) -> QPResult:
-        """Solve CVXPY's QP; `solver_cache` keeps what the next solve begins with.
+        """Solve CVXPY's QP.
 
-        That is the result of the first solve, and a `Solver` from the second one on:
-        it takes longer to make than a small problem takes to solve.
-
+        `solver_cache` keeps the result of the first solve, and a `Solver` from the
+        second one on: it takes longer to make than a small problem takes to solve.
         Raises TypeError or ValueError for an option, SolverError for all else.
         """
         start = time.perf_counter()
@@ -152,13 +151,9 @@ class NAM(QpSolver):
             s.NUM_ITERS: int(solution.iterations),
             s.EXTRA_STATS: extra,
         }
-        x: dict[int, Any] = {}
+        value = point.obj + inverse_data[s.OFFSET]  # infinite without a point
+        x = {self.VAR_ID: point.x} if status in s.SOLUTION_PRESENT else {}
         duals: dict[int, Any] = {}
-        value = None
-        if status != s.SOLVER_ERROR:
-            value = point.obj + inverse_data[s.OFFSET]  # infinite without a point
-        if status in s.SOLUTION_PRESENT:
-            x = {self.VAR_ID: point.x}
         if have_duals:
             for kind, values in (self.EQ_CONSTR, y), (self.NEQ_CONSTR, z):
                 constraints = inverse_data[kind]
@@ -178,8 +173,7 @@ class NAM(QpSolver):
 def arguments(data: dict[str, Any]) -> tuple[Any, ...]:
     """Return P, q, G, h, A, b of CVXPY's data.
 
-    CVXPY lets an equality have an infinite side, which no x satisfies: such a row goes
-    among the inequalities as a'x <= -inf, which is infeasible too.
+    An equality with an infinite side, which CVXPY lets pass, becomes a'x <= -inf.
     """
     P, q, A, b, F, g = (data[key] for key in (s.P, s.Q, s.A, s.B, s.F, s.G))
     infinite = np.isinf(b)
@@ -193,10 +187,7 @@ def arguments(data: dict[str, Any]) -> tuple[Any, ...]:
 def solver_of(
     data: dict[str, Any], known: Solver | QPResult
 ) -> tuple[Solver, QPResult | None]:
-    """Return a Solver with CVXPY's data, `known` where it fits, and a start for it.
-
-    The start is None where the Solver has one of its own, or none fits.
-    """
+    """Return a Solver with CVXPY's data, `known` where it fits, and a start if any."""
     whole = P, q, G, h, A, b = arguments(data)
     sizes = q.size, h.size, b.size
     if isinstance(known, QPResult):
@@ -212,10 +203,9 @@ def solver_of(
 def infeasible_or(
     unbounded: QPResult, qp: QP, options: Options, start: float
 ) -> QPResult:
-    """Return a proof that no x is feasible if there is one, else `unbounded`.
+    """Return a proof that no x is feasible if one is found, else `unbounded`.
 
-    A ray proves only that the dual is infeasible; CVXPY's "unbounded" says that some x
-    is feasible. Where the search for one ends undecided, `unbounded` is returned too.
+    CVXPY's "unbounded" says that some x is feasible, which a ray does not prove.
     """
     flat = qp._replace(P=0.0 * qp.P, q=0.0 * qp.q)
     proof_alone = replace(options, infeasible="certificate")
@@ -226,10 +216,7 @@ def infeasible_or(
 
 
 def register() -> None:
-    """Make ``solver="NAM"`` known to CVXPY; calling it again changes nothing.
-
-    It comes last in CVXPY's order of preference, so that CVXPY's default stays.
-    """
+    """Make ``solver="NAM"`` known to CVXPY, last in its order of preference."""
     defines.SOLVER_MAP_QP[KEYWORD] = NAM()
     for names in defines.QP_SOLVERS, defines.INSTALLED_SOLVERS:  # cvxpy 1.8 asks both
         if KEYWORD not in names:

@@ -159,9 +159,9 @@ def derivative(found: Any, data: Any, changes: Any) -> tuple[jax.Array, ...]:
 
 
 def solve_symmetric(K: jax.Array, rhs: jax.Array, sign: jax.Array) -> jax.Array:
-    """Solve K w = rhs; K is semidefinite where sign is 1, negative where it is -1.
+    """Solve K w = rhs, nearly by the solution of least norm where K is singular.
 
-    Where K is singular this is nearly the solution of least norm.
+    K is semidefinite where sign is 1, negative where it is -1.
     """
     size = jax.lax.stop_gradient(jnp.abs(K).max(axis=1))
     scale = 1.0 / jnp.sqrt(jnp.where(size > 0.0, size, 1.0))

@@ -121,22 +121,16 @@ def solution(problem: "qpsolvers.Problem", result: QPResult) -> "qpsolvers.Solut
 
 
 def register() -> None:
-    """Make solver="nam" known to qpsolvers; calling it again changes nothing.
+    """Make solver="nam" known to qpsolvers, unless it has one of that name.
 
-    Nor is anything changed where qpsolvers has such a solver already, or is not loaded
-    in full: then it is importing a backend that imports namlcp.
-
-    qpsolvers has no entry points; its table and lists are shared objects, so that
-    earlier imports of them see the new name. A worker process started by spawn or
-    forkserver must import namlcp again.
+    Its table and lists are shared objects, so that earlier imports of them see the new
+    name. A worker process started by spawn or forkserver must import namlcp again.
     """
-    if not hasattr(qpsolvers, "__version__"):  # set at the end of its import
+    if not hasattr(qpsolvers, "__version__"):  # it is importing one that imports namlcp
         return
     # The attribute qpsolvers.solve_problem is the function, hence import_module.
     table = importlib.import_module("qpsolvers.solve_problem").solve_function
-    kinds = "available_solvers", "dense_solvers", "sparse_solvers"
-    lists = [getattr(qpsolvers, kind) for kind in kinds]
     if KEYWORD not in table:
         table[KEYWORD] = nam_solve_problem
-        for names in lists:
-            names.append(KEYWORD)
+        for kind in "available_solvers", "dense_solvers", "sparse_solvers":
+            getattr(qpsolvers, kind).append(KEYWORD)

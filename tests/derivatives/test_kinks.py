@@ -9,6 +9,7 @@ import namlcp
 from validation.derivatives.cases import (
     KINKS,
     around,
+    definite,
     direction,
     flat,
     moved,
@@ -216,3 +217,17 @@ def test_an_indefinite_symmetric_lcp_is_factored_with_pivoting(kind):
     parts |= {"z": np.array([-2.0, -1.0]), "problem": (lcp, A)}
     other = namlcp.LCPResult(**parts)
     assert np.allclose(other.backward(dz=[1.0, 0.0]).q, [0.0, -1.0])
+
+
+@pytest.mark.parametrize("kind", [np.array, sp.csc_array])
+def test_a_large_null_space_leaves_the_adjoint(kind):
+    """P of rank 30 of 60, five rows twice: x is not unique, and pivots vanish."""
+    rng = np.random.default_rng(0)
+    B, G = definite(60, rng)[:30], rng.standard_normal((30, 60))
+    q, G = B.T @ (B @ rng.standard_normal(60)), np.vstack((G, G[:5]))
+    result = namlcp.solve_qp(kind(B.T @ B), q, kind(G), np.full(35, 0.1), **EXACT)
+    d, g = B.T @ rng.standard_normal(30), B.T @ rng.standard_normal(30)
+    found = result.backward(dx=g)
+    assert found.singular
+    paired = found.q @ d
+    assert result.forward(dq=d).x @ g == pytest.approx(paired, rel=1e-9, abs=1e-9)

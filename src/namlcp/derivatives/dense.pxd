@@ -11,11 +11,11 @@ cdef class DenseItem:
         # The QP with its solution; gradients in x, y, z and z_box; those in the data.
         Terms qp
         const double *P, *G, *A, *of_x, *of_y, *of_z, *of_box
-        double *u, *lam, *nu, *lower, *upper
+        double *u, *v, *lower, *upper
         # Sides of constraints; how many are weak.
         signed char *strict, *whole
         readonly Py_ssize_t weak
-        # The rows of [A; G] that are held, the free variables, and their numbers.
+        # The rows of [G; A] that are held, the free variables, and their numbers.
         Py_ssize_t *held, *free
         Py_ssize_t held_n, free_n
         # L, V and the factor of S; right-hand sides for free variables and held rows.
@@ -28,6 +28,7 @@ cdef class DenseItem:
 
 cdef Py_ssize_t mark(const Terms* t, const double* share, const double* norms, const double* size, signed char* strict, signed char* whole) noexcept nogil
 cdef void set_item(DenseItem m, double** start, const Py_ssize_t* step, Py_ssize_t i) noexcept nogil
+cdef void set_gradients(DenseItem m, double* out) noexcept nogil
 cdef void mark_item(DenseItem m) noexcept nogil
 cdef bint serves(DenseActiveSet own, DenseItem m) noexcept nogil
 cdef bint factor(DenseItem m) noexcept nogil

@@ -1,20 +1,19 @@
 """Active constraints, and the derivatives of dense QPs in compiled code.
 
-A constraint is strictly active if its multiplier is not 0, and weakly active if its
-multiplier is 0 although it holds with equality; there the solution has a kink. The
-sides of constraints are 1 for a row and at ub, -1 at lb, 0 where the constraint is not
-active: `strict` those of strictly active ones, `whole` of all. A pinned variable (lb_j
-= ub_j) always counts as strictly active, at the bound that its multiplier presses on.
+A constraint is strictly active if its multiplier is not 0, weakly active if that is 0
+although the constraint holds with equality; there the solution has a kink. Sides are 1
+for a row and at ub, -1 at lb, 0 where a constraint is not active: `strict` those of
+strictly active ones, `whole` of all. A pinned variable (lb_j = ub_j) always counts as
+strictly active, at the bound that its multiplier presses on.
 
-Dense QPs are differentiated in the regular case of `namlcp.derivatives.qp`: for P_FF =
-L L' and V = C_F L^-T the Schur complement is S = V V', and
+The regular case of `namlcp.derivatives.qp`: for P_FF = L L' and V = C_F L^-T the Schur
+complement is S = V V', and
 
     [P_FF C_F'; C_F 0] (u, v) = (r, s):   S v = V L^-1 r - s,
                                           u = L^-T (L^-1 r - V'v).
 
-The factors that a solve has left, `kept`, serve if they are those of the strictly
-active constraints: they belong to the whole P, with active bounds as rows, see
-`namlcp.qp.active.engine`.
+The factors that a solve has left, `kept`, belong to the whole P, with active bounds as
+rows (`namlcp.qp.active.engine`). They serve if their rows are the strictly active ones.
 """
 
 import cython
@@ -22,19 +21,8 @@ import numpy as np
 from cython import Py_ssize_t
 from cython.cimports import numpy as cnp
 from cython.cimports.libc.math import fabs, sqrt
-from cython.cimports.namlcp.arrays import (
-    data_of,
-    indices,
-    numbers,
-    places,
-    signs,
-)
-from cython.cimports.namlcp.linalg.blas import (
-    add_gram,
-    cholesky,
-    cholesky_solve,
-    solve_rows,
-)
+from cython.cimports.namlcp.arrays import indices, numbers, places, signs
+from cython.cimports.namlcp.linalg.blas import add_gram, cholesky, solve_rows
 from cython.cimports.namlcp.linalg.dense import (
     add_times_transposed,
     backward_solve,
@@ -43,13 +31,7 @@ from cython.cimports.namlcp.linalg.dense import (
     triangle_solve,
     triangle_solve_transposed,
 )
-from cython.cimports.namlcp.linalg.vectors import (
-    add_scaled,
-    copy,
-    dot,
-    fill,
-    largest_entry,
-)
+from cython.cimports.namlcp.linalg.vectors import add_scaled, dot, fill, largest_entry
 from cython.cimports.namlcp.measure import Terms, set_terms
 from cython.cimports.namlcp.qp.active.dense import DenseActiveSet
 from cython.cimports.namlcp.qp.active.engine import response_of
@@ -97,12 +79,10 @@ def sides_of(qp, point):
 
 
 def sides_of_lcp(q, lower, upper, slopes, z, w):
-    """Return the sides (2, n) int8 of the unknowns of a solved LCP.
+    """Return the sides `strict` and `whole` (2, n) of the unknowns of a solved LCP.
 
-    `strict` is 0 where an unknown counts as free; `whole` counts unknowns at a bound
-    with w = 0 as fixed, too. w_i is 0 up to ACTIVE times the largest term of (A z +
-    q)_i, as far as these are known. z_i is at a bound with w_i != 0 if its distance is
-    less than |w_i| over the slope of w_i in z_i.
+    w_i is 0 up to ACTIVE times the largest known term of (A z + q)_i. z_i is at a bound
+    with w_i != 0 if its distance is less than |w_i| over the slope of w_i in z_i.
     """
     n: Py_ssize_t = q.size
     sides = np.empty((2, n), dtype=np.int8)
@@ -129,8 +109,8 @@ def sides_of_lcp(q, lower, upper, slopes, z, w):
 def mark(t, share, norms, size, strict, whole):
     """Set the sides; return how many constraints are weak.
 
-    share: exceeds ACTIVE where z_i does not count as 0; norms: of the rows of G; size:
-    1 over the largest term of each column of the stationarity condition, or 0.
+    share: exceeds ACTIVE where z_i is not 0; norms: of the rows of G; size: 1 over the
+    largest term of each column of the stationarity condition, or 0.
     """
     n, m = t.n, t.m
     weak: Py_ssize_t = 0
@@ -199,23 +179,21 @@ class DenseItem:
     def backward(self, cotangents):
         """Return the gradients in q, h, b, lb and ub."""
         n, m, p = self.qp.n, self.qp.m, self.qp.p
-        q, h, b = np.empty(n), np.empty(m), np.empty(p)
-        lb, ub = np.empty(n), np.empty(n)
+        h, b, lb, ub = n, n + m, n + m + p, 2 * n + m + p
+        out = np.empty(ub + n)
         dx, dy, dz, dz_box = cotangents
         self.of_x, self.of_y = numbers(dx, n), numbers(dy, p)
         self.of_z, self.of_box = numbers(dz, m), numbers(dz_box, n)
-        self.u, self.lam, self.nu = numbers(q, n), numbers(h, m), numbers(b, p)
-        self.lower, self.upper = numbers(lb, n), numbers(ub, n)
+        set_gradients(self, numbers(out, ub + n))
         solve_item(self)
-        return q, h, b, lb, ub
+        return out[:h], out[h:b], out[b:lb], out[lb:ub], out[ub:]
 
 
 def differentiate_part(chosen, arrays, out, sides, weak, regular):
-    """Write what is found of the chosen items, the gradients side by side to `out`.
+    """Write what is found of the chosen items, gradients to `out` unless K is singular.
 
     arrays: P, q, G, h, A, b, lb, ub, x, y, z, z_box and the gradients in these four, of
-    each item, or of one that stands for all. The zeros in `out` stay where K is
-    singular.
+    each item, or of one that stands for all.
     """
     n: Py_ssize_t = arrays[1].shape[1]
     m: Py_ssize_t = arrays[3].shape[1]
@@ -227,7 +205,7 @@ def differentiate_part(chosen, arrays, out, sides, weak, regular):
     item: DenseItem = DenseItem(n, m, p)
     for k in range(ARRAYS):
         array: cnp.ndarray = arrays[k]
-        start[k], step[k] = data_of(array), 0
+        start[k], step[k] = numbers(array, cnp.PyArray_SIZE(array)), 0
         if cnp.PyArray_DIM(array, 0) > 1:
             step[k] = cnp.PyArray_STRIDE(array, 0) // 8
     gradients, side = numbers(out, out.size), signs(sides, sides.size)
@@ -237,11 +215,7 @@ def differentiate_part(chosen, arrays, out, sides, weak, regular):
         for t in range(length):
             i = which[t]
             set_item(item, start, step, i)
-            item.u = gradients + i * width
-            item.lam = item.u + n
-            item.nu = item.lam + m
-            item.lower = item.nu + p
-            item.upper = item.lower + n
+            set_gradients(item, gradients + i * width)
             item.strict = side + i * (m + n)
             mark_item(item)
             weak_n[i], is_regular[i] = item.weak, factor(item)
@@ -250,7 +224,6 @@ def differentiate_part(chosen, arrays, out, sides, weak, regular):
 
 
 def set_item(m, start, step, i):
-    """Take item i of arrays; step: the numbers from item to item."""
     qp = cython.address(m.qp)
     m.P, qp.q = start[0] + i * step[0], start[1] + i * step[1]
     m.G, qp.h = start[2] + i * step[2], start[3] + i * step[3]
@@ -262,8 +235,13 @@ def set_item(m, start, step, i):
     m.of_z, m.of_box = start[14] + i * step[14], start[15] + i * step[15]
 
 
+def set_gradients(m, out):
+    m.u, m.v = out, out + m.qp.n
+    m.lower = m.v + m.qp.m + m.qp.p
+    m.upper = m.lower + m.qp.n
+
+
 def mark_item(m):
-    """Find the strictly active constraints, and note what they hold and leave free."""
     qp = cython.address(m.qp)
     n, rows, size, share, norms = qp.n, qp.m, qp.Px, qp.Gx + qp.m, qp.Gx + 2 * qp.m
     times_rows(m.P, n, n, n, qp.x, size)
@@ -286,12 +264,10 @@ def mark_item(m):
                 if share[i] > ACTIVE:
                     break
     m.weak = mark(qp, share, norms, size, m.strict, m.whole)
-    m.held_n, m.free_n = qp.p, 0
-    for i in range(qp.p):
-        m.held[i] = i
-    for i in range(rows):
-        if m.strict[i] != 0:
-            m.held[m.held_n] = qp.p + i
+    m.held_n, m.free_n = 0, 0
+    for i in range(rows + qp.p):
+        if i >= rows or m.strict[i] != 0:
+            m.held[m.held_n] = i
             m.held_n += 1
     for j in range(n):
         if m.strict[rows + j] == 0:
@@ -315,7 +291,7 @@ def serves(own, m):
 
 
 def factor(m):
-    """Compute L, V and the factor of S, lower triangles; tell whether they exist."""
+    """Compute L, V and the factor of S; tell whether they exist."""
     n, k = m.free_n, m.held_n
     if k > n:
         return False
@@ -337,9 +313,8 @@ def factor(m):
 
 
 def row_at(m, k):
-    """Return row k of [A; G]."""
-    p, n = m.qp.p, m.qp.n
-    return m.A + k * n if k < p else m.G + (k - p) * n
+    n, rows = m.qp.n, m.qp.m
+    return m.G + k * n if k < rows else m.A + (k - rows) * n
 
 
 def has_factor(M, n):
@@ -355,8 +330,7 @@ def has_factor(M, n):
 
 def solve_item(m):
     qp, side = cython.address(m.qp), m.strict + m.qp.m
-    fill(m.lam, 0.0, qp.m)
-    fill(m.nu, 0.0, qp.p)
+    fill(m.v, 0.0, qp.m + qp.p)
     for j in range(qp.n):
         m.u[j] = m.of_box[j] if side[j] != 0 else 0.0
     for k in range(SOLVES):
@@ -374,61 +348,55 @@ def solve_item(m):
 
 
 def set_remainder(m, are_zero):
-    """Set lower = of_x - P u - G'lam - A'nu, and s = (of_y - A u, of_z - G u)_held.
+    """Set lower = of_x - P u - (G' A') v, and s = (of_z - G u, of_y - A u)_held.
 
-    are_zero: u, lam and nu are 0; products with large matrices would take a while.
+    are_zero: u and v are 0, and need no products.
     """
     qp, rest = cython.address(m.qp), m.lower
-    n, p = qp.n, qp.p
+    n, rows = qp.n, qp.m
     fill(rest, 0.0, n)
     if not are_zero:
         add_times_transposed(m.P, n, n, m.u, rest)  # P = P'
     for i in range(m.held_n):
         k, row = m.held[i], row_at(m, m.held[i])
-        if k < p:
-            goal, multiplier = m.of_y[k], m.nu[k]
-        else:
-            goal, multiplier = m.of_z[k - p], m.lam[k - p]
-        m.s[i] = goal
+        m.s[i] = m.of_z[k] if k < rows else m.of_y[k - rows]
         if not are_zero:
             m.s[i] -= dot(row, m.u, n)
-            add_scaled(multiplier, row, rest, n)
+            add_scaled(m.v[k], row, rest, n)
     for j in range(n):
         rest[j] = m.of_x[j] - rest[j]
 
 
 def correct(m):
-    """Add the solution for the remainder to u_F, nu and lam, by L, V and S."""
-    n, k, p, t, s = m.free_n, m.held_n, m.qp.p, m.t, m.s
+    """Add the solution for the remainder to u_F and v, by L, V and S."""
+    n, k, t, s = m.free_n, m.held_n, m.t, m.s
     for a in range(n):
         t[a] = m.lower[m.free[a]]
     forward_solve(m.L, n, t)
     for i in range(k):
         s[i] = dot(m.V + i * n, t, n) - s[i]
-    cholesky_solve(m.S, k, s)
+    forward_solve(m.S, k, s)
+    backward_solve(m.S, k, s)
     for i in range(k):
         add_scaled(-s[i], m.V + i * n, t, n)
     backward_solve(m.L, n, t)
     for a in range(n):
         m.u[m.free[a]] += t[a]
     for i in range(k):
-        if m.held[i] < p:
-            m.nu[m.held[i]] += s[i]
-        else:
-            m.lam[m.held[i] - p] += s[i]
+        m.v[m.held[i]] += s[i]
 
 
 def correct_by_kept(own, m):
-    """Do as `correct` does, by the factors of the solve.
+    """Do the same by the factors of the solve: C u = goals in its active rows.
 
-    They solve P u + A'nu + C'v = r, A u = e and C u = goals for its active rows C; of
-    the bounds among them, the v need no correction.
+    The multipliers of bounds need no correction.
     """
     qp = cython.address(m.qp)
     n, p, goals, values = qp.n, qp.p, m.work, m.work + qp.n
     for j in range(n):
         own.rhs[j] = m.lower[j] if m.strict[qp.m + j] == 0 else 0.0
-    copy(m.s, own.rhs + n, p)
+    for i in range(p):
+        own.rhs[n + i] = m.s[m.held_n - p + i]
     own.set_values(own.rhs, values)  # (G u, u, nu) without the active rows
     for i in range(own.k):
         k = own.active[i]
@@ -443,30 +411,28 @@ def correct_by_kept(own, m):
         k = own.active[i]
         add_scaled(-goals[i], response_of(own, k) + qp.m, values + qp.m, n + p)
         if k < qp.m:
-            m.lam[k] += goals[i]
+            m.v[k] += goals[i]
     add_scaled(1.0, values + qp.m, m.u, n)
-    add_scaled(1.0, values + own.rows, m.nu, p)
+    add_scaled(1.0, values + own.rows, m.v + qp.m, p)
 
 
-def rank_two(s: cython.double, a, b, t: cython.double, c, d):
-    """Return s a b' + t c d'."""
+def rank_two(a, b, c, d):
+    """Return a b' + c d'."""
     rows: Py_ssize_t = a.size
     columns: Py_ssize_t = b.size
     out = np.empty((rows, columns))
     of_a, of_b, of_c = numbers(a, rows), numbers(b, columns), numbers(c, rows)
     of_d, row = numbers(d, columns), numbers(out, rows * columns)
     for i in range(rows):
-        first, second = s * of_a[i], t * of_c[i]
+        first, second = of_a[i], of_c[i]
         for j in range(columns):
             row[j] = first * of_b[j] + second * of_d[j]
         row += columns
     return out
 
 
-def add_rank_two_at(
-    pattern, s: cython.double, a, b, t: cython.double, c, d, data
-):  # fmt: skip
-    """Add the entries of s a b' + t c d' at the places of a matrix in CSC to data."""
+def add_rank_two_at(pattern, a, b, c, d, data):
+    """Add the entries of a b' + c d' at the places of a matrix in CSC to data."""
     rows: Py_ssize_t = a.size
     columns: Py_ssize_t = b.size
     count: Py_ssize_t = data.size
@@ -476,7 +442,7 @@ def add_rank_two_at(
     of_d, out = numbers(d, columns), numbers(data, count)
     with cython.nogil:
         for j in range(columns):
-            left, right = s * of_b[j], t * of_d[j]
+            left, right = of_b[j], of_d[j]
             for k in range(indptr[j], indptr[j + 1]):
                 i = indices[k]
                 out[k] += of_a[i] * left + of_c[i] * right

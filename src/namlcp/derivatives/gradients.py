@@ -1,8 +1,4 @@
-"""What `backward` and `forward` return.
-
-The gradients in the matrices are outer products: they are formed when asked for, in the
-form in which the user gave the matrix, a sparse one on its stored entries alone.
-"""
+"""What `backward` and `forward` return, and the outer products that they ask for."""
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
@@ -12,7 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
-from namlcp.checks import from_arrays, matrix, refuse_number, sparse_matrix, vector
+from namlcp.arrays import from_arrays
+from namlcp.checks import matrix, refuse_number, sparse_matrix, vector
 from namlcp.derivatives.dense import add_rank_two_at, rank_two
 from namlcp.qp.problem import Point
 
@@ -91,10 +88,8 @@ class BatchGradients(QPGradients):
         shared, the sum over all items. P, G and A are formed at the first access.
     used : (N,) bool array
         Which items were solved; the others have gradients 0.
-    weak : (N,) array
+    weak, singular : (N,) array
         As in `QPGradients`, for each item.
-    singular : (N,) bool array
-        The same.
     """
 
     used: np.ndarray
@@ -118,25 +113,20 @@ def change(name: str, value: Any, other: str, own: Any) -> Any:
     return C
 
 
-def rank_two_on(
-    pattern: Any, s: float, a: Any, b: Any, t: float, c: Any, d: Any
-) -> Any:
-    """Return s a b' + t c d' as an array, or on the entries of a sparse `pattern`.
+def rank_two_on(pattern: Any, a: Any, b: Any, c: Any, d: Any) -> Any:
+    """Return a b' + c d' as an array, or on the entries of a sparse `pattern`.
 
-    The vectors may have a leading axis, of sums to be added up. A CSR matrix has its
-    gradient in CSR, any other sparse matrix in CSC.
+    The vectors may have a leading axis, of sums to be added up.
     """
     if not sp.issparse(pattern):
-        if a.ndim == 1:
-            return rank_two(s, a, b, t, c, d)
-        return s * (a.T @ b) + t * (c.T @ d)
+        return rank_two(a, b, c, d) if a.ndim == 1 else a.T @ b + c.T @ d
     is_csr = pattern.format == "csr"
     pattern = sparse_matrix("pattern", pattern, "csr" if is_csr else "csc")
     if is_csr:
         a, b, c, d = b, a, d, c
     indptr, indices, data = pattern.indptr, pattern.indices, np.zeros(pattern.nnz)
-    for one, two, three, four in zip(*map(np.atleast_2d, (a, b, c, d)), strict=True):
-        add_rank_two_at(pattern, s, one, two, t, three, four, data)
+    for vectors in zip(*map(np.atleast_2d, (a, b, c, d)), strict=True):
+        add_rank_two_at(pattern, *vectors, data)
     kind = sp.csr_array if is_csr else sp.csc_array
     return from_arrays((indptr.copy(), indices.copy(), data), pattern.shape, kind)
 
@@ -150,19 +140,17 @@ def matrix_gradient(
 ) -> Any:
     """Return the gradient in P, G or A from those in q, h and b, the first `vectors`.
 
-    It is (g_q x' + x g_q') / 2, z g_q' - g_h x' or y g_q' - g_b x'; in one that is
-    stacked that of each item, else in the form of the matrix `given`.
+    It has a leading axis of items if that is stacked.
     """
-    of_q, of_h, of_b = vectors[:3]
-    x, y, z, _ = point
-    s, a, b, t, c, d = 0.5, of_q, x, 0.5, x, of_q
-    if name != "P":
-        dual, change = (z, of_h) if name == "G" else (y, of_b)
-        s, a, b, t, c, d = 1.0, dual, of_q, -1.0, change, x
+    (of_q, of_h, of_b), (x, y, z, _) = vectors[:3], point
+    if name == "P":
+        half = 0.5 * x
+        a, b, c, d = of_q, half, half, of_q
+    else:
+        a, b, c, d = (z, of_q, -of_h, x) if name == "G" else (y, of_q, -of_b, x)
     if name in stacked:
-        first, second = s * a[:, :, None], t * c[:, :, None]
-        return first * b[:, None] + second * d[:, None]
-    return rank_two_on(given["PGA".index(name)], s, a, b, t, c, d)
+        return a[:, :, None] * b[:, None] + c[:, :, None] * d[:, None]
+    return rank_two_on(given["PGA".index(name)], a, b, c, d)
 
 
 def right_sides(d: dict[str, Any], point: Point, side: Any) -> tuple[Any, ...]:

@@ -25,41 +25,43 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from scipy.linalg.lapack import dgetrf, dgetrs
 from scipy.sparse import csc_array, csr_array
+from scipy.sparse.linalg import lsmr, splu
 
-from namlcp.checks import from_arrays, no_rows
+from namlcp.checks import no_rows
 from namlcp.derivatives.dense import sides_of_lcp
-from namlcp.derivatives.factors import KKTFactors, LUFactors
 from namlcp.derivatives.gradients import LCPGradients, LCPTangent, change, rank_two_on
+from namlcp.derivatives.qp import KKTFactors, refined
 from namlcp.lcp.data import LCP, Operator, Prepared, lcp_data
 from namlcp.lcp.methods import LARGE_LCP, solve_by_method
 from namlcp.lcp.multigrid.hierarchy import hierarchy_of, solve_free
 from namlcp.lcp.pivoting.pivot import ACCURACY
 from namlcp.limits import Limits
-from namlcp.linalg.csc import arrays_of, submatrix
+from namlcp.linalg.csc import submatrix
 from namlcp.status import Status
 
 # Of multigrid solves, relative to the right-hand side.
 RESIDUAL = 1e-12
+# A matrix is singular if the ratio of its pivots is below this; singular values below
+# this times its order count as 0.
+SINGULAR = 1e-13
 
 
 class LCPDerivative:
-    """The derivative of one solution; `weak` and `singular` as in `LCPGradients`."""
+    """The derivative of one solution."""
 
     def __init__(self, lcp: LCP, given: Any, z: np.ndarray, w: np.ndarray) -> None:
         """Choose F and factor A_FF; `given`: A as the user stores it."""
         if isinstance(lcp.A, Operator):
             raise ValueError("derivatives need the entries of A, got a LinearOperator")
         self.lcp, self.given, self.z = lcp, given, z
-        _, q, lower, upper = lcp
-        slopes = lcp.matrix.slopes
-        side, self.weak_side = sides_of_lcp(q, lower, upper, slopes, z, w)
-        self.strict_side = side
-        self.weak = int(np.count_nonzero(self.weak_side) - np.count_nonzero(side))
-        self.singular, matrix = False, lcp.matrix
-        for held in (side, self.weak_side) if self.weak else (side,):
-            self.side, self.free = held, np.flatnonzero(held == 0)
-            self.factors = None
+        matrix, q, lower, upper = lcp
+        self.strict, self.whole = sides_of_lcp(q, lower, upper, matrix.slopes, z, w)
+        self.weak = int(np.count_nonzero(self.whole) - np.count_nonzero(self.strict))
+        self.singular = False
+        for side in (self.strict, self.whole) if self.weak else (self.strict,):
+            self.side, self.free, self.factors = side, np.flatnonzero(side == 0), None
             is_large = matrix.is_sparse and self.free.size >= LARGE_LCP
             if not self.free.size or (is_large and hierarchy_of(matrix) is not None):
                 break
@@ -74,13 +76,12 @@ class LCPDerivative:
         lower, upper = np.where(side < 0, mu, 0.0), np.where(side > 0, mu, 0.0)
 
         def matrix(_: str) -> Any:
-            return rank_two_on(self.given, 1.0, rho, self.z, 0.0, rho, self.z)
+            return rank_two_on(self.given, rho, self.z, 0.0 * rho, self.z)
 
         return LCPGradients(rho, lower, upper, self.weak, self.singular, matrix)
 
     def forward(self, *changes: Any) -> LCPTangent:
-        r, dl, du = self.direction(*changes)
-        dz, dw = self.solve(r, np.where(self.side < 0, dl, du), False)
+        dz, dw = self.solve(*self.direction(self.side, *changes), False)
         return LCPTangent(dz, dw, self.weak, self.singular)
 
     def solve(self, r: Any, fixed: Any, transposed: bool) -> tuple[Any, Any]:
@@ -116,9 +117,8 @@ class LCPDerivative:
     def directional(self, *changes: Any) -> LCPTangent:
         if not self.weak and not self.singular:
             return self.forward(*changes)
-        side, fixed = self.weak_side, self.strict_side != 0
-        r, dl, du = self.direction(*changes)
-        moved = np.where(side < 0, dl, du)
+        side, fixed = self.whole, self.strict != 0
+        r, moved = self.direction(side, *changes)
         lower = np.where(fixed | (side < 0), moved, -np.inf)
         upper = np.where(fixed | (side > 0), moved, np.inf)
         lcp = lcp_data(self.lcp.matrix, r, lower, upper)
@@ -131,24 +131,66 @@ class LCPDerivative:
         dz, dw, _ = found.point
         return LCPTangent(dz, dw, self.weak, self.singular)
 
-    def direction(self, dA: Any, dq: Any, dlower: Any, dupper: Any) -> tuple[Any, ...]:
-        """Return dA z + dq, dlower and dupper for a direction of the data."""
+    def direction(
+        self, side: Any, dA: Any, dq: Any, dlower: Any, dupper: Any
+    ) -> tuple[Any, Any]:
+        """Return dA z + dq, and how the bounds at these sides move."""
         q, dA = self.lcp.q, change("dA", dA, "A", self.lcp.A)
         r = change("dq", dq, "q", q)
         if dA is not None:
             r = r + dA @ self.z
-        return r, change("dlower", dlower, "q", q), change("dupper", dupper, "q", q)
+        dlower, dupper = (
+            change("dlower", dlower, "q", q),
+            change("dupper", dupper, "q", q),
+        )
+        return r, np.where(side < 0, dlower, dupper)
 
 
-def factored(matrix: Prepared, free: np.ndarray) -> LUFactors | KKTFactors:
+def factored(matrix: Prepared, free: np.ndarray) -> "LUFactors | KKTFactors":
     """Return the factors of A_FF, without pivoting if it is sparse and definite."""
     if not matrix.is_sparse:
         return LUFactors(matrix.A[np.ix_(free, free)])
-    transpose = from_arrays(arrays_of(matrix.A), matrix.A.shape, csc_array)
-    transpose = submatrix(transpose, free, free)
+    A = submatrix(csc_array(matrix.A), free, free)
     if matrix.symmetric:
         with suppress(ValueError):  # a pivot vanishes: A is indefinite
-            found = KKTFactors(transpose, no_rows(free.size))
+            found = KKTFactors(A, no_rows(free.size))
             if (found.kkt.plan().pivots > 0.0).all():
                 return found
-    return LUFactors(transpose.T)
+    return LUFactors(A)
+
+
+class LUFactors:
+    """LU factors of K with rows and columns scaled; least squares if it is singular."""
+
+    def __init__(self, K: Any) -> None:
+        size = abs(K)
+        self.rows, self.columns = scales = [size.sum(axis=k) for k in (1, 0)]
+        for scale in scales:
+            scale[scale == 0.0] = 1.0
+            scale **= -0.5
+        K, pivots = self.rows[:, None] * K * self.columns, np.zeros(1)
+        if isinstance(K, np.ndarray):
+            lu, order, _ = dgetrf(K)
+            pivots = np.abs(lu.diagonal())
+            self.solve_scaled = lambda v, turned: dgetrs(lu, order, v, turned)[0]
+        else:
+            K = csc_array(K)
+            with suppress(RuntimeError):  # a pivot is exactly 0
+                lu = splu(K)
+                pivots = np.abs(lu.U.diagonal())
+                self.solve_scaled = lambda v, turned: lu.solve(v, "NT"[turned])
+        self.K, self.regular = K, bool(pivots.min() > SINGULAR * pivots.max())
+
+    def solve(self, r: np.ndarray, transposed: bool = False) -> np.ndarray:
+        K, left, right = self.K, self.rows, self.columns
+        if transposed:
+            K, left, right = K.T, right, left
+        if self.regular:
+            w = refined(
+                lambda v: self.solve_scaled(v, transposed), K.__matmul__, left * r
+            )
+        elif isinstance(K, np.ndarray):
+            w = np.linalg.lstsq(K, left * r, SINGULAR * r.size)[0]
+        else:
+            w = lsmr(K, left * r, atol=1e-14, btol=1e-14)[0]
+        return right * w

@@ -48,7 +48,7 @@ want, where N spans the combinations (y, z, z_box) of active constraints with A'
 an LP in t: e'(y, z) and the moves of the bounds times z_box least.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property, partial
 from time import perf_counter
 from types import SimpleNamespace
@@ -57,9 +57,8 @@ from typing import Any
 import numpy as np
 from scipy.sparse import vstack
 
-from namlcp.checks import as_sparse, clean_copy, real_array, refuse_number
+from namlcp.checks import as_sparse, from_arrays, no_rows, real_array, refuse_number
 from namlcp.derivatives.dense import DenseItem, differentiate_part, sides_of
-from namlcp.derivatives.factors import KKTFactors
 from namlcp.derivatives.gradients import (
     BatchGradients,
     QPGradients,
@@ -69,15 +68,30 @@ from namlcp.derivatives.gradients import (
     rank_two_on,
     right_sides,
 )
-from namlcp.linalg.csc import add_transposed, submatrix, times
+from namlcp.linalg.csc import add_transposed, by_rows, submatrix, times
 from namlcp.options import DEFAULT_OPTIONS, check_count
 from namlcp.qp.batch import Items, available_cores, chunks_of, on_threads
 from namlcp.qp.closest import Face
 from namlcp.qp.intake import qp_data
+from namlcp.qp.kkt import KKT, equilibrate
 from namlcp.qp.problem import NO_GUESS, QP, Point
 from namlcp.qp.route import solve_checked
 from namlcp.status import Status
 
+# Most steps of refinement, and the residual that ends it, relative to the largest
+# number of right-hand side and solution.
+REFINEMENTS, ROUNDING = 20, 1e-15
+# DELTA. A smaller shift makes smaller pivots, whose rounding errors would exceed it;
+# the larger ones are tried where a pivot is 0 by rounding.
+SHIFTS = 1e-8, 3.7e-8, 1.3e-7
+# Steps that project random vectors to the null space of K; how many vectors, until the
+# null space has fewer dimensions (of one with more than the last a part is found).
+PROJECTIONS, WIDTHS = 4, (1, 4, 16, 64)
+# A projected unit vector with a norm below LOST over sqrt(order) counts as 0: a random
+# one has a larger part in any null space. Those with singular values below NULL,
+# relative to the largest, are multiples of the others; of a unit vector v of the null
+# space || K v || is at most ZERO_IMAGE, for K scaled.
+LOST, NULL, ZERO_IMAGE = 1e-3, 1e-6, 1e-12
 # Entries of a combination up to VANISHED of its largest one count as 0; in the
 # multipliers a combination of null vectors counts as 0 below the norm INDEPENDENT.
 VANISHED, INDEPENDENT = 1e-9, 1e-6
@@ -125,7 +139,7 @@ class QPDerivative:
         rows = self.qp.A, self.qp.G
         return np.concatenate(rows) if self.qp.is_dense else vstack(rows, "csc")
 
-    def factored(self, held: np.ndarray) -> KKTFactors:
+    def factored(self, held: np.ndarray) -> "KKTFactors":
         """Return the factors of K for held constraints."""
         P, C = as_sparse(self.qp.P), as_sparse(self.C)
         at = np.flatnonzero(held[: C.shape[0]])
@@ -252,9 +266,8 @@ def independent(
 ) -> tuple[np.ndarray, Point]:
     """Return independent constraints among the held that carry all multipliers alone.
 
-    Each dependency is followed until a first multiplier is 0, whose constraint then
-    counts as inactive (Caratheodory's theorem). Where a dependency has equalities
-    alone, one of them is left out.
+    Each dependency is followed until a first multiplier is 0, whose constraint is left
+    out (Caratheodory's theorem); one of equalities alone loses one of them.
     """
     p, m, sign = qp.b.size, qp.h.size, signs(qp, held)
     value, left_out = np.concatenate(point[1:]), np.zeros(sign.size, dtype=bool)
@@ -276,24 +289,98 @@ def independent(
     return np.where(left_out, 0, held), Point(point.x, *np.split(value, (p, p + m)))
 
 
+def refined(
+    solve: Callable[[np.ndarray], Any],
+    product: Callable[[np.ndarray], np.ndarray],
+    r: np.ndarray,
+) -> np.ndarray:
+    """Solve K w = r: by what solves it up to errors, and by products with K."""
+    w, rest, error = np.zeros(r.size), r, np.inf
+    for _ in range(REFINEMENTS):
+        trial = w + solve(rest)
+        rest = r - product(trial)
+        before, error = error, float(np.abs(rest).max(initial=0.0))
+        if not error < before:
+            break
+        w = trial
+        size = max(np.abs(v).max(initial=0.0) for v in (r, w))
+        if not ROUNDING * size < error < 0.5 * before:
+            break
+    return w
+
+
+class KKTFactors:
+    """L D L' of the sparse matrix K of P and C, which are in CSC.
+
+    K is scaled to rows of size 1 and factored as the quasi-definite K~ = K + DELTA
+    diag(I, -I): each step of refinement multiplies the error by about DELTA over the
+    least singular value of K. null_space (order, k): a basis of what K maps to 0.
+    """
+
+    def __init__(self, P: Any, C: Any) -> None:
+        self.kkt = kkt = KKT(P, by_rows(C), by_rows(no_rows(C.shape[1])))
+        self.scale = np.ones(kkt.size)
+        values = kkt.base.copy()
+        equilibrate(kkt.indptr, kkt.indices, values, self.scale)
+        self.diagonal, shape = values[kkt.diagonal], (kkt.size, kkt.size)
+        self.triangle = from_arrays((kkt.indptr, kkt.indices, values), shape)
+        for shift in SHIFTS:
+            kkt.data[:] = values
+            kkt.data[kkt.diagonal[: kkt.n]] += shift
+            kkt.data[kkt.diagonal[kkt.n :]] -= shift
+            if kkt.factor():
+                break
+        else:
+            raise ValueError("the KKT matrix of the active constraints has no factors")
+        self.basis = self.find_null_space()
+        self.null_space = (self.basis * self.scale).T
+        self.regular = not self.basis.size
+
+    def find_null_space(self) -> np.ndarray:
+        """Return an orthonormal basis of the null space of K scaled, by rows.
+
+        v - K~^-1 K v keeps what K maps to 0, and little else.
+        """
+        size, V = self.kkt.size, np.empty((0, 0))
+        for width in WIDTHS if size else ():
+            V = np.random.default_rng(0).standard_normal((min(width, size), size))
+            V /= np.linalg.norm(V, axis=1)[:, None]
+            for _ in range(PROJECTIONS):
+                V = np.array([v - self.kkt.plan().solve(self.product(v)) for v in V])
+                if np.linalg.norm(V, axis=1).max() < LOST / np.sqrt(size):
+                    return V[:0]
+            values, V = np.linalg.svd(V, full_matrices=False)[1:]
+            image = np.array([np.linalg.norm(self.product(v)) for v in V])
+            V = V[(values > NULL * values[0]) & (image <= ZERO_IMAGE)]
+            if V.shape[0] < width:
+                break
+        return V
+
+    def product(self, w: np.ndarray) -> np.ndarray:
+        Kw = times(self.triangle, w) - self.diagonal * w
+        add_transposed(self.triangle, w, Kw)
+        return Kw
+
+    def solve(self, r: np.ndarray, transposed: bool = False) -> np.ndarray:
+        """Return the solution, of least norm for the scaled K if it is singular."""
+        r, N = r * self.scale, self.basis
+        w = refined(self.kkt.plan().solve, self.product, r - N.T @ (N @ r))
+        return (w - N.T @ (N @ w)) * self.scale
+
+
 # ---- infeasible QPs
 
 
 class ClosestDerivative:
     """The derivative of the closest point of an infeasible QP, for shifts of norm 2.
 
-    `namlcp.qp.closest` finds it in two stages, which are differentiated one after the
-    other, the constraints held that are active in each (C, d: all rows and right
-    sides):
+    The two stages of `namlcp.qp.closest` are differentiated one after the other, with
+    the constraints held that are active in each (C, d: all rows and right sides):
 
     1. the shifts r of the held rows: min 1/2 r'W r, C x - r = d, x_j fixed at held
-       bounds;
-    2. the point x: min 1/2 x'Px + q'x, C x = d + r in held rows, <= in the others.
-
-    The gradient in r of stage 2 is that in its right side. In stage 1 x may be any
-    point with these shifts; the one of stage 2 is taken. If the held rows leave x some
-    freedom, a change of C that raises their rank makes shifts and point jump; the
-    gradients are those for changes that do not.
+       bounds; x may be any point with these shifts, here that of stage 2;
+    2. the point x: min 1/2 x'Px + q'x, C x = d + r in held rows, <= in the others. The
+       gradient in r is that in the right side.
     """
 
     def __init__(
@@ -345,7 +432,7 @@ class ClosestDerivative:
             )
             v, u, lam, w = map(np.array, zip(*terms, strict=True))
             pattern = self.given["PGA".index(name)]
-            return rank_two_on(pattern, -1.0, v, u, -1.0, lam, w)
+            return rank_two_on(pattern, -v, u, -lam, w)
 
         return QPGradients(*vectors, second.weak, first.singular, matrix)
 
@@ -367,10 +454,8 @@ class BatchDerivative:
     def solve(self, cotangents: Sequence[Any]) -> SimpleNamespace:
         """Return what is found of the items, one after another.
 
-        vectors: the gradients in q, h, b, lb and ub. points: the solutions with
-        multipliers 0 of constraints that are not held. sides (N, m + n): of rows of G
-        and variables, see `dense`. weak: how many constraints are; regular: whether K
-        is, with the strictly active constraints.
+        vectors: the gradients in q, h, b, lb and ub. points, sides (N, m + n), weak: as
+        of `QPDerivative` and `dense`; regular: whether K of strictly active rows is.
         """
         items, points = self.items, Point(*map(np.copy, self.points))
         pairs = zip(Point._fields, cotangents, points, strict=True)
@@ -382,7 +467,7 @@ class BatchDerivative:
         regular = np.zeros(count, bool)
         if items.shared.is_dense:
             pairs, dense = items.shared._asdict().items(), chosen
-            data = (clean_copy(items.stacked.get(k, own[None])) for k, own in pairs)
+            data = (items.stacked.get(k, own[None]) for k, own in pairs)
             arrays = *data, *points, *parts
             chunks = chunks_of(dense.size, (n + m + p) * n * n, self.threads)
 
