@@ -76,12 +76,18 @@ def settings() -> list[Setting]:
 
 
 @contextlib.contextmanager
-def limited(threads: int, blas: int) -> Iterator[None]:
-    """Be a block of a solve with so many threads, of which BLAS may use its own number.
+def blas_threads(threads: int, order: int, dense: bool = True) -> Iterator[None]:
+    """Let BLAS use `threads` threads in a `with` block, one where more do not pay.
 
-    Of blocks that run at once, the one that asks most of BLAS counts.
+    `order`: of the largest matrix that may be dense; up to UNTOUCHED_ORDER nothing is
+    set. Unless it is `dense`, BLAS has one, and the others are left: `THREADS`. Of
+    blocks that run at once, the one that asks most of BLAS counts.
     """
-    outer = THREADS.set(threads)
+    if order <= UNTOUCHED_ORDER or not settings():
+        yield
+        return
+    blas = threads if dense and order >= WORTH_ORDER else 1
+    outer = THREADS.set(threads // blas)
     with LOCK:
         if not ASKED:
             BEFORE[:] = [get() for _, get in settings()]
@@ -116,17 +122,3 @@ def forget() -> None:
 
 if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=forget)
-
-
-def blas_threads(
-    threads: int, order: int, dense: bool = True
-) -> contextlib.AbstractContextManager[None]:
-    """Let BLAS use `threads` threads in a `with` block, one where more do not pay.
-
-    `order`: of the largest matrix that may be dense; up to UNTOUCHED_ORDER nothing is
-    set. Unless it is `dense`, BLAS has one, and the others are left: `THREADS`.
-    """
-    if order <= UNTOUCHED_ORDER or not settings():
-        return contextlib.nullcontext()
-    blas = threads if dense and order >= WORTH_ORDER else 1
-    return limited(threads // blas, blas)
