@@ -1,6 +1,6 @@
 from numpy cimport ndarray
 
-cdef double LARGE_TERM, UNIT
+cdef double LARGE_TERM
 
 cdef struct Numbers:
     double primal
@@ -38,7 +38,6 @@ cpdef tuple residuals_of_columns(object qp, object point)
 cdef tuple in_order(const Terms* t, double* work)
 cpdef double largest_ratio(object found, double eps_abs, double eps_rel) except? -1
 cpdef double signed_gap(object qp, object point, object Px) except? -1
-cpdef (double, double, double) rounding_errors(double P, double G, double A, double x, double y, double z) noexcept nogil
 cpdef tuple on_bounds(const double[::1] x, const double[::1] z_box, const double[::1] lb, const double[::1] ub, bint moves)
 cpdef double natural_squares(object z, object w, object lower, object upper) except? -1
 cpdef tuple natural_residuals(object z, object w, object lower, object upper, object d)

@@ -22,8 +22,6 @@ from cython.cimports.namlcp.linalg.vectors import fill
 # If all terms of the gap are smaller than this, then its rounding error is below 1e-12
 # in whatever order they are added.
 LARGE_TERM = 250.0
-# The spacing of the numbers next to 1.
-UNIT = 2.0**-52
 
 
 def measure(t, found):
@@ -200,15 +198,6 @@ def signed_gap(qp, point, Px):
     size = max(t.n, t.m)
     work = new_vector(2 * size)
     return gap_by_products(cython.address(t), data_of(work), data_of(work) + size)
-
-
-def rounding_errors(P, G, A, x, y, z):
-    """Return bounds of what another order of the sums changes in the three residuals.
-
-    Of all these the 2-norms: the moduli of the terms of a row of M x sum up to at most
-    || M ||_F || x ||_2. The gap's other sums run over vectors, in one order only.
-    """
-    return UNIT * max(G, A) * x, UNIT * (P * x + G * z + A * y), UNIT * P * x * x
 
 
 def on_bounds(x, z_box, lb, ub, moves):

@@ -25,13 +25,12 @@ from cython.cimports.namlcp.measure import (
     largest_ratio,
     on_bounds,
     residuals_of_columns,
-    rounding_errors,
 )
 from scipy.linalg.blas import dnrm2
 
 from namlcp.checks import matrix
 from namlcp.linalg.csc import add_transposed, is_clean_csc, times
-from namlcp.linalg.definite import asymmetry
+from namlcp.linalg.factors import asymmetry
 from namlcp.measure import signed_gap
 from namlcp.qp.certificates import accepted
 from namlcp.qp.problem import Point
@@ -135,12 +134,15 @@ class Judge:
     def ratio_in_other_order(self, residuals, point, sign):
         """Return the largest residual over its tolerance after another order of sums.
 
-        sign: 1.0 for the most that it may be, -1.0 for the least.
+        sign: 1.0 for the most that it may be, -1.0 for the least. The moduli of the
+        terms of a row of M x sum up to at most || M ||_F || x ||_2; the gap's other
+        sums run over vectors, in one order only.
         """
         P, G, A = (norm(M) for M in (self.checked.P, self.checked.G, self.checked.A))
         x, y, z = map(norm, point[:3])
-        pairs = zip(residuals[:3], rounding_errors(P, G, A, x, y, z), strict=True)
-        changed = [max(r + sign * error, 0.0) for r, error in pairs]
+        errors = max(G, A) * x, P * x + G * z + A * y, P * x * x
+        pairs = zip(residuals[:3], errors, strict=True)
+        changed = [max(r + sign * UNIT * error, 0.0) for r, error in pairs]
         return self.ratio((*changed, *residuals[3:]))
 
     def take_order_of_user(self):
