@@ -30,9 +30,9 @@ from cython.cimports.namlcp.linalg.arrays import (
     signs,
 )
 from cython.cimports.namlcp.linalg.blas import (
+    add_gram,
     cholesky,
     cholesky_solve,
-    gram,
     solve_rows,
 )
 from cython.cimports.namlcp.linalg.dense import (
@@ -333,7 +333,7 @@ def factor(m):
     if not has_factor(m.L, n, m.work):
         return False
     solve_rows(m.L, n, m.V, k)
-    gram(m.V, k, n, n, m.S, k)
+    add_gram(m.V, k, n, n, b"T", 0.0, m.S, k)
     return has_factor(m.S, k, m.work)
 
 

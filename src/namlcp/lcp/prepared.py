@@ -18,7 +18,7 @@ from namlcp.lcp.loops import row_sums, two_colours
 from namlcp.lcp.tridiagonal import read_rows
 from namlcp.linalg.arrays import stamp_of_arrays
 from namlcp.linalg.csc import arrays_of
-from namlcp.linalg.definite import is_symmetric
+from namlcp.linalg.factors import is_symmetric
 
 # Sum of (A + A')_ij r_j, relative to its terms, that counts as 0 where a_ii = 0.
 DIAGONAL_ROUNDING = 1e-10

@@ -7,5 +7,4 @@ cdef bint lu(double* A, int n, int* pivots) noexcept nogil
 cdef void lu_solve(const double* factors, int n, const int* pivots, double* b) noexcept nogil
 cdef void solve_rows(const double* L, int n, double* X, int count) noexcept nogil
 cdef void invert_lower(double* L, int n) noexcept nogil
-cdef void gram(const double* X, int rows, int n, int width_X, double* W, int width_W) noexcept nogil
-cdef void add_squares(const double* C, int rows, int n, double* S) noexcept nogil
+cdef void add_gram(const double* X, int rows, int n, int width, char letter, double beta, double* W, int width_W) noexcept nogil

@@ -116,25 +116,16 @@ def invert_lower(L, n):
         dtrtri(b"U", b"N", address(n), L, address(n), address(info))
 
 
-def gram(X, rows, n, width_X, W, width_W):
-    """Set the lower triangle of W = X X' for X (rows, n).
+def add_gram(X, rows, n, width, letter, beta, W, width_W):
+    """Set the lower triangle of W to beta W + X X' ("T", as BLAS sees X) or X'X ("N").
 
-    The rows of X and W begin so many numbers apart.
+    The rows of X (rows, n) and of W begin so many numbers apart.
     """
     one: cython.double = 1.0
-    zero: cython.double = 0.0
+    order = rows if letter == b"T" else n
+    inner = n if letter == b"T" else rows
     if rows > 0 and n > 0:
         dsyrk(
-            b"U", b"T", address(rows), address(n), address(one), cast(p_double, X),
-            address(width_X), address(zero), W, address(width_W),
-        )  # fmt: skip
-
-
-def add_squares(C, rows, n, S):
-    """Add C'C to the lower triangle of S (n, n), for C (rows, n)."""
-    one: cython.double = 1.0
-    if rows > 0 and n > 0:
-        dsyrk(
-            b"U", b"N", address(n), address(rows), address(one), cast(p_double, C),
-            address(n), address(one), S, address(n),
+            b"U", address(letter), address(order), address(inner), address(one),
+            cast(p_double, X), address(width), address(beta), W, address(width_W),
         )  # fmt: skip

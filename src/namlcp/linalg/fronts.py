@@ -51,18 +51,16 @@ class Fronts(Factors):
     """`Factors` by dense fronts."""
 
     def __init__(self, indptr, indices, order, pairs=None, threads=1):
-        """Lay out L for a matrix K, the upper triangle of its pattern given.
+        """Lay out L for a matrix K, of whose pattern the upper triangle is read.
 
-        If K is not symmetric, entry t of this triangle stands for data[pairs[0, t]]
-        below the diagonal, in the order of elimination, and data[pairs[1, t]] above it.
+        If K is not symmetric, entry t of the pattern stands for data[pairs[0, t]] below
+        the diagonal, in the order of elimination, and data[pairs[1, t]] above it.
         """
         Factors.__init__(self, indptr)
         nodes = supernodes(indptr, indices, order)
         sources = nodes.source[None] if pairs is None else pairs[:, nodes.source]
         sources = np.ascontiguousarray(sources, np.int32)
         self.sides, size = sources.shape
-        if pairs is not None:
-            self.nnz = 2 * self.nnz - self.n
         n, number, length = self.n, nodes.parent.size, nodes.rows.size
         ints, above = np.empty((2, number), np.int32), np.empty(length, np.int32)
         at, target = np.empty(number, np.intp), np.empty(size, np.intp)

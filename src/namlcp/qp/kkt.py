@@ -26,7 +26,7 @@ from cython.cimports.libc.math import INFINITY, exp, fabs, log, sqrt
 from cython.cimports.namlcp.limits import is_over
 from cython.cimports.namlcp.linalg.arrays import numbers, places
 from cython.cimports.namlcp.linalg.blas import (
-    add_squares,
+    add_gram,
     blas_times,
     cholesky,
     cholesky_solve,
@@ -141,7 +141,7 @@ class Condensed(Factors):
             count = min(BLOCK, rows - first)
             if is_over(watch, count * n * n):
                 return False
-            add_squares(R + first * n, count, n, S)
+            add_gram(R + first * n, count, n, n, b"N", 1.0, S, n)
             first += count
         return cholesky(S, n)
 

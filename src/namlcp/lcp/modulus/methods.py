@@ -37,7 +37,7 @@ from namlcp.lcp.loops import (
 from namlcp.lcp.prepared import diagonal_of
 from namlcp.lcp.shifted import Shifted
 from namlcp.linalg.csc import arrays_of
-from namlcp.linalg.definite import asymmetry
+from namlcp.linalg.factors import asymmetry
 
 
 class Sweep(NamedTuple):

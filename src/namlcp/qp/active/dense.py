@@ -18,8 +18,8 @@ import cython
 from cython import Py_ssize_t
 from cython.cimports.libc.math import INFINITY, NAN, fabs, sqrt
 from cython.cimports.namlcp.linalg.blas import (
+    add_gram,
     cholesky,
-    gram,
     invert_lower,
     times_lower,
 )
@@ -67,7 +67,7 @@ from cython.cimports.namlcp.qp.certificates import (
     prove_unbounded,
 )
 
-from namlcp.linalg import definite
+from namlcp.linalg import factors
 
 # Ratio of the largest to the smallest pivot of P from which on products with V are too
 # inaccurate; for P + W, the ratio of a diagonal entry to its pivot.
@@ -75,7 +75,7 @@ MOST_SPREAD = 1e9
 # Added to the diagonal of P, relative to its largest entry and to each, in the test
 # whether P is semidefinite.
 ROUNDING_UNIT = 1e-15
-PSD_SLACK = definite.PSD_SLACK
+PSD_SLACK = factors.PSD_SLACK
 # Pivot of S over its diagonal entry up to which an equation depends on others.
 DEPENDENT_EQUATION = 1e-11
 # Curvature of a row of norm 1, over the largest entry of P^-1, up to which the
@@ -321,7 +321,7 @@ def prepare(m):
         copy(m.G + i * n, claim_place(m, i) + rows, n)
     W, U = m.responses, m.responses + rows  # G P^-1 G' and G P^-1, side by side
     times_lower(U, rows, length, m.factor, n, b"T")
-    gram(U, rows, n, length, W, length)
+    add_gram(U, rows, n, length, b"T", 0.0, W, length)
     times_lower(U, rows, length, m.factor, n, b"N")
     for i in range(rows):
         for j in range(i):
