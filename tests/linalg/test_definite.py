@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from namlcp.linalg.definite import DENSE_ORDER, has_positive_pivots, is_symmetric
+from namlcp.linalg.factors import DENSE_ORDER, has_positive_pivots, is_symmetric
 
 
 def test_symmetric_but_for_rounding():

@@ -10,7 +10,7 @@ from namlcp.lcp.methods import find_method
 from namlcp.lcp.modulus import sweeps
 from namlcp.lcp.modulus.methods import Parameters
 from namlcp.limits import NEVER, Limits
-from namlcp.linalg.definite import is_symmetric
+from namlcp.linalg.factors import is_symmetric
 from namlcp.status import LCP_COLUMNS, Progress
 
 

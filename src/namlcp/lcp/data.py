@@ -23,7 +23,7 @@ from namlcp.lcp.loops import MOST_SMALL, affine, is_ordinary, row_sums, two_colo
 from namlcp.lcp.tridiagonal import read_rows
 from namlcp.limits import Limits
 from namlcp.linalg.csc import arrays_of
-from namlcp.linalg.definite import is_symmetric
+from namlcp.linalg.factors import is_symmetric
 from namlcp.measure import are_met, natural_residuals
 from namlcp.residuals import natural_residual
 from namlcp.status import Outcome, Status

@@ -86,9 +86,6 @@ def minimum_degree(indptr, indices, deadline=NEVER):
     """Return an `Order` of a symmetric matrix; OutOfTime if the deadline is reached."""
     size: Py_ssize_t = indptr.size - 1
     place = np.empty(size, np.int32)
-    # Sums of SciPy's matrices have indices of 64 bits.
-    indptr = np.ascontiguousarray(indptr, np.int32)
-    indices = np.ascontiguousarray(indices, np.int32)
     columns, rows = places(indptr, size + 1), places(indices, indices.size)
     to, watch = places(place, size), Watched()
     watch.until = deadline.at

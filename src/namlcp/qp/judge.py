@@ -30,7 +30,7 @@ from scipy.linalg.blas import dnrm2
 
 from namlcp.checks import matrix
 from namlcp.linalg.csc import add_transposed, is_clean_csc, times
-from namlcp.linalg.definite import asymmetry
+from namlcp.linalg.factors import asymmetry
 from namlcp.measure import signed_gap
 from namlcp.qp.certificates import accepted
 from namlcp.qp.problem import Point

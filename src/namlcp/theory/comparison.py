@@ -43,7 +43,7 @@ from namlcp.lcp.loops import row_sums
 from namlcp.lcp.multigrid.hierarchy import VCycle, coarsen
 from namlcp.limits import NEVER
 from namlcp.linalg.csc import arrays_of
-from namlcp.linalg.definite import asymmetry
+from namlcp.linalg.factors import asymmetry
 
 # The largest relative error of one operation, and the least positive number: the
 # largest absolute error of an operation that underflows.

@@ -81,7 +81,7 @@ from scipy import linalg, sparse
 from namlcp.checks import finite_square_matrix
 from namlcp.lcp.methods import find_method
 from namlcp.lcp.modulus.methods import SWEEPS, Parameters, checked_parameters
-from namlcp.linalg.definite import asymmetry, has_positive_pivots
+from namlcp.linalg.factors import asymmetry, has_positive_pivots
 from namlcp.theory.comparison import (
     LARGEST_FACTORED,
     ROUNDOFF,

@@ -36,7 +36,7 @@ from namlcp.lcp.loops import (
 )
 from namlcp.lcp.shifted import Shifted
 from namlcp.linalg.csc import arrays_of
-from namlcp.linalg.definite import asymmetry
+from namlcp.linalg.factors import asymmetry
 
 
 class Sweep(NamedTuple):

@@ -37,14 +37,14 @@ from cython.cimports.namlcp.linalg.vectors import (
 from cython.cimports.namlcp.measure import are_met, both_residuals
 from cython.cimports.namlcp.result_base import LCPResultBase, made
 
-from namlcp.linalg import definite
+from namlcp.linalg import factors
 from namlcp.status import Status
 
 cnp.import_array()
 
 # Default eps_rel.
 ACCURACY = 1e-9
-SOLVED, SYMMETRY_ROUNDING = Status.SOLVED, definite.SYMMETRY_ROUNDING
+SOLVED, SYMMETRY_ROUNDING = Status.SOLVED, factors.SYMMETRY_ROUNDING
 # FIRST_SWEEPS: first sweeps at most; STILL_SWEEPS: sweeps in a row without a change of
 # state that end them. BLOCK_STEPS: changes of states without fewer wrong signs until
 # block pivoting is given up. OUTER_STEPS: proximal steps at most. EARLY_STEPS, FEW,

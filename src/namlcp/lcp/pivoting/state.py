@@ -18,9 +18,9 @@ from cython.cimports.namlcp.linalg.ordering import order_by_degree
 from cython.cimports.namlcp.linalg.vectors import copy, fill
 
 from namlcp.lcp import data
-from namlcp.linalg import definite
+from namlcp.linalg import factors
 
-SMALL_ORDER, PSD_SLACK = data.SMALL_ORDER, definite.PSD_SLACK
+SMALL_ORDER, PSD_SLACK = data.SMALL_ORDER, factors.PSD_SLACK
 
 # Added to the unit diagonal where Cholesky fails, so that a singular A_FF succeeds.
 JITTER = 1e-11

@@ -35,7 +35,7 @@ import cython
 from cython import Py_ssize_t
 from cython.cimports.libc.math import INFINITY, NAN, fabs, isinf, sqrt
 
-from namlcp.linalg import definite
+from namlcp.linalg import factors
 
 # Ratio of the largest to the smallest pivot of P from which on products with V are too
 # inaccurate; for P + W, the ratio of a diagonal entry to its pivot.
@@ -43,7 +43,7 @@ MOST_SPREAD = 1e9
 # Added to the diagonal of P, relative to its largest entry and to each, in the test
 # whether P is semidefinite.
 ROUNDING_UNIT = 1e-15
-PSD_SLACK = definite.PSD_SLACK
+PSD_SLACK = factors.PSD_SLACK
 # Pivot of S over its diagonal entry up to which an equation depends on others.
 DEPENDENT_EQUATION = 1e-11
 # Curvature of a row of norm 1, over the largest entry of P^-1, up to which the
