@@ -2,10 +2,10 @@
 
 If A is positive semidefinite, the LCP is the optimality condition of
 
-    minimise f(z) = 1/2 z'A z + q'z  subject to  l <= z <= u,
+    minimise f(z) = 1/2 z'A z + q'z  subject to  l <= z <= u.
 
-and w = A z + q is the gradient of f. The method works on the problem scaled to a unit
-diagonal (Jacobi preconditioning), y = D^(1/2) z, D = diag(A), with the gradient g. Its
+The method works on the problem scaled to a unit diagonal (Jacobi preconditioning), y =
+D^(1/2) z, D = diag(A), with the gradient g. Its
 free gradient phi is g at the free variables, l < y < u, and 0 elsewhere; its chopped
 gradient beta is g at the active variables whose bound -g leaves, and 0 elsewhere. Each
 iteration takes one of these steps (Dostal 2009, algorithm 5.8, with phi in place of the
@@ -37,16 +37,14 @@ from namlcp.limits import Limits
 from namlcp.residuals import natural_residual
 from namlcp.status import Outcome, Status
 
-# Default limit on iterations.
 MAX_DESCENT_STEPS = 20_000
 # The method stalls after so many consecutive times that the criterion accepts the
 # updated gradient but not the recomputed one, and Res has not halved in between.
 MISSES = 4
-# A projected step d is taken if f decreases by at least this fraction of -g'd.
+# Least decrease of f by a projected step d, relative to -g'd.
 SUFFICIENT = 0.1
 # A curvature p'A p / p'p of modulus up to ZERO_CURVATURE ||A|| counts as zero; one
-# below INDEFINITE_CURVATURE ||A|| shows that A is not semidefinite. ||A|| is
-# `Descent.norm`.
+# below INDEFINITE_CURVATURE ||A|| shows that A is not semidefinite.
 ZERO_CURVATURE, INDEFINITE_CURVATURE = 1e-13, -1e-10
 # ||A v|| up to RAY_PRODUCT ||A|| ||v|| counts as zero; conjugate gradient steps at most
 # that make it so; entries of v up to RAY_ENTRY times the largest are set to 0.
@@ -59,8 +57,7 @@ TOO_FAR = 1e6
 def solve_by_products(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:
     """Solve a box LCP with a symmetric A, an `Operator` with A.diagonal() >= 0.
 
-    SOLVED is returned only if the criterion accepts a recomputed gradient. z is the
-    iterate of least Res.
+    SOLVED is returned only if the criterion accepts a recomputed gradient.
     """
     with np.errstate(all="ignore"):  # the code tests for infinities and NaN
         z, criterion = lcp.start(z0), Criterion(lcp, limits)
@@ -108,8 +105,8 @@ def solve_by_products(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcom
 class Descent:
     """An iterate y of the problem scaled to a unit diagonal, and the steps from it.
 
-    g: its gradient; each step makes new arrays. free: whether l < y < u. size: Res(y).
-    ray: proof that the unscaled problem has no solution.
+    g: its gradient. free: whether l < y < u. size: Res(y). ray: proof that the unscaled
+    problem has no solution.
     """
 
     def __init__(self, lcp: LCP, z0: np.ndarray):
@@ -119,7 +116,7 @@ class Descent:
         self.lower, self.upper = lcp.lower * root, lcp.upper * root
         self.ray: np.ndarray | None = None
         self.message = ""
-        self.norm = 0.0  # estimate of ||A||: the largest ||A p|| / ||p|| so far
+        self.norm = 0.0  # of A: the largest ||A p|| / ||p|| so far
         self.go(self.clipped(z0 * root))
 
     def clipped(self, y: np.ndarray) -> np.ndarray:

@@ -17,7 +17,7 @@ HELD = 1e20
 
 
 class ShiftedFactors(NamedTuple):
-    """solve: b, (n,) or (n, k), to x. is_positive: whether the determinant of LU is."""
+    """solve: b, (n,) or (n, k), to x. is_positive: whether the determinant is."""
 
     solve: Callable[[np.ndarray], np.ndarray]
     is_positive: Any = None
@@ -26,10 +26,9 @@ class ShiftedFactors(NamedTuple):
 class Shifted:
     """A matrix M, dense or sparse, and the factors of its sums with diagonals: LU.
 
-    A sparse M = [B C'; -C D] with symmetric B and D becomes symmetric when the signs of
-    its lower rows are changed; if B and D are semidefinite, its sums with x > 0 are
-    quasi-definite. With `signs` (m,), 1 in the upper rows and -1 in the lower ones,
-    they are factored as such: SuperLU takes up to a hundred times as long.
+    With `signs` (m,), 1 in the upper rows and -1 in the lower ones of a sparse M = [B
+    C'; -C D], B and D symmetric semidefinite, the sums are factored as quasi-definite
+    ones: SuperLU takes up to a hundred times as long.
     """
 
     def __init__(self, M: Any, signs: np.ndarray | None = None):
@@ -74,7 +73,6 @@ class Shifted:
 
 
 def is_even(pivots: np.ndarray, *swapped: int) -> bool:
-    """Tell whether the determinant is positive, by pivots and numbers of swaps."""
     return bool((np.count_nonzero(pivots < 0.0) + sum(swapped)) % 2 == 0)
 
 

@@ -9,9 +9,8 @@ Matrices in the Mathematical Sciences, chapter 6):
     v > 0 and <A> v > 0 exist         <=>  <A> is an M-matrix,
     u >= 0, u != 0 and <A> u <= 0     <=>  it is not.
 
-They exclude each other, because <A>^-1 >= 0 and <A> u <= 0 give u <= 0. The second
-always holds where u_i = 0. So u may be a vector x > 0 on some rows alone: those where
-(J x)_i >= x_i, less those that this makes fail, and so on.
+The second always holds where u_i = 0. So u may be a vector x > 0 on some rows alone:
+those where (J x)_i >= x_i, less those that this makes fail, and so on.
 
 Candidates are v = u = 1, which decides strict dominance by rows, power steps, and
 solutions of
@@ -22,10 +21,8 @@ If lambda > rho(J), y > 0 and J y = lambda y - x < lambda y. If not, u = max(-y,
 J u >= lambda u, since J u >= -J y = x - lambda y. So (1) decides with lambda = 1 -+
 `BESIDE`, unless rho(J) lies between the two. With lambda = max (J x)_i / x_i >= rho(J)
 (Collatz and Wielandt) it is a step of Noda's iteration (Numer. Math. 17 (1971) 382-386)
-towards a Perron vector of J; multigrid, for large systems, needs such a lambda.
-
-Every candidate is checked in exact arithmetic (`signs`), so that no answer depends on
-the accuracy of a linear solve.
+towards a Perron vector of J; multigrid, for large systems, needs such a lambda. Every
+candidate is checked in exact arithmetic.
 """
 
 import math
@@ -45,10 +42,9 @@ from namlcp.limits import NEVER
 from namlcp.linalg.csc import arrays_of
 from namlcp.linalg.factors import asymmetry
 
-# The largest relative error of one operation, and the least positive number: the
-# largest absolute error of an operation that underflows.
+# The largest errors of one operation: relative, and absolute where it underflows.
 ROUNDOFF, LEAST_NUMBER = 2.0**-53, 5e-324
-# Most vectors u that are tried, each with fewer rows than the one before.
+# Most vectors u, each with fewer rows than the one before.
 RESTRICTIONS = 11
 # Power steps of a round; they go on while a round reduces log(max/min) of (J x)_i / x_i
 # below POWER_HELPS times.
@@ -179,7 +175,6 @@ def settle(A: Any, claim: str) -> Verdict:
 
 
 def candidates(A: Any, D: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
-    """Yield (source, nonnegative vector), the cheapest first."""
     yield "v = 1", np.ones(D.size)
     rows = np.repeat(np.arange(D.size), np.diff(A.indptr))
     root = np.sqrt(D)  # a similar matrix, symmetric where A is
@@ -233,14 +228,12 @@ def signs(A: Any, x: np.ndarray) -> tuple[bool, bool, np.ndarray]:
 
 
 def sums(A: Any, x: np.ndarray) -> np.ndarray:
-    """Return D x, |A - D| x and the errors of their difference, as `row_sums` does."""
     found = np.empty((3, x.size))
     row_sums(*arrays_of(A), x, ROUNDOFF, LEAST_NUMBER, *found)
     return found
 
 
 def exact_row(A: Any, i: Any, x: np.ndarray) -> Fraction:
-    """Return (K x)_i of `signs`."""
     row = slice(A.indptr[i], A.indptr[i + 1])
     total = Fraction(0)
     for j, a in zip(A.indices[row].tolist(), A.data[row].tolist(), strict=True):
@@ -258,10 +251,7 @@ def is_weakly_dominant(A: Any) -> bool:
 
 
 def solution(J: Any, shift: float) -> np.ndarray:
-    """Return an approximation of (shift I - J)^-1 1, up to a positive factor.
-
-    Raises RuntimeError or LinAlgError for a matrix that is singular, or not finite.
-    """
+    """Return an approximation of (shift I - J)^-1 1, up to a positive factor."""
     n = J.shape[0]
     b = np.ones(n)
     K = sparse.csr_array(sparse.diags_array(np.full(n, shift)) - J)

@@ -5,32 +5,27 @@ N), z = clip(s, l, u) and R(s) = 2 z - s, a sweep is
 
     (M + Omega) s+ = N s + (Omega - A) R(s) - 2 q.                                  (1)
 
-For nam* this is Method 3.1 of the paper, whose fixed points are those of its equation
-(3), with r = 2, any diagonal E in place of I, and bounds: R(s) = |s| where l = 0 and
-u = inf. No component of R(s) changes by more than that of s, so two runs s, t obey
+For nam* this is Method 3.1 of the paper, with r = 2, any diagonal E in place of I, and
+bounds: R(s) = |s| where l = 0 and u = inf. No component of R(s) changes by more than
+that of s, so two runs s, t obey
 
     |s+ - t+| <= T |s - t|,   T = |(M + Omega)^-1| (|N| + |Omega - A|).             (2)
 
 *The paper's Theorem 2.* If rho(T) < 1 there is v > 0 with T v <= theta v, theta < 1:
-(1) is a contraction in the norm max |s_i| / v_i, for every q and all bounds, and its
-only fixed point is the solution (Banach). It follows that A is a P-matrix; the paper
-need not assume it.
+(1) is a contraction in the norm max |s_i| / v_i, for every q and all bounds.
 
 *The comparison.* With C = <M + Omega> and W = |N| + |Omega - A|, if K = C - W is an
 M-matrix then rho(T) < 1: K v > 0 gives C v > W v >= 0, hence C is an M-matrix,
 |(M + Omega)^-1| <= C^-1 (Ostrowski), and where W v <= theta C v, T v <= C^-1 W v <=
-theta v. If M + Omega = C, as for Z-matrices in triangular methods, T = C^-1 W and the
-converse holds. This is the paper's Theorem 3, repaired: where diag(M) >= 0,
+theta v. This is the paper's Theorem 3, repaired: where diag(M) >= 0,
 
-    K = <M> - |N| + min(D, 2 Omega - D) - |B|,   B = L + U,
+    K = <M> - |N| + min(D, 2 Omega - D) - |B|,   B = L + U.
 
-because omega - |omega - d| = min(d, 2 omega - d). For an H-compatible splitting <M> -
-|N| = <A>, so that Omega >= D makes it 2 <A>: Bai's theorem for H+ matrices, and for
-Omega < D the matrix that the paper's proof uses.
+For an H-compatible splitting <M> - |N| = <A>, so that Omega >= D makes it 2 <A>: Bai's
+theorem for H+ matrices.
 
-*The accelerated family* replaces L R(s) by L R(s+). Its sweep in the increments ds and
-dz (`namlcp.lcp.modulus.sweeps`) is piecewise linear in each unknown, dz lies between 0
-and ds, and the largest slopes give (2) with T = C^-1 W,
+*The accelerated family* replaces L R(s) by L R(s+). The largest slopes of its sweep in
+the increments ds and dz (`namlcp.lcp.modulus.sweeps`) give (2) with T = C^-1 W,
 
     C = D/alpha + Omega - (beta/alpha + 1) |L|,
     W = |1/alpha - 1| D + |Omega - D| + |beta/alpha - 1| |L| + 2 |U|.
@@ -50,9 +45,8 @@ If for a symmetric positive definite Q and a positive diagonal Lambda
     [B'QX + Z'Lambda      B'QB + Z'Lambda Z - Lambda       ]  <=  -eps I,  eps > 0,
 
 multiplying by (e, p) gives |e+|_Q^2 - |e|_Q^2 <= p'Lambda p - ds'Lambda ds - eps (e'e +
-p'p) <= -eps e'e: a contraction. By the bounded real lemma (de Souza and Xie) Q exists
-if rho(X) < 1 and the transfer function from p to ds has gain below 1 in the norm of
-Lambda. A Riccati equation gives Q, and the inequality is then checked for it.
+p'p) <= -eps e'e: a contraction. A Riccati equation gives Q (the bounded real lemma, de
+Souza and Xie), and the inequality is then checked for it.
 
 *Definite matrices.* Projected SOR lowers z'Az/2 + q'z for every symmetric A (Cryer;
 Mangasarian; Luo and Tseng). "modulus" is, in t = Omega^(1/2) s, reflections and the
@@ -98,16 +92,15 @@ SAFE = 1e-13
 # Value of eps for which Q is sought.
 MARGIN = 1e-3
 QUADRATIC = "contraction in the norm of Q = witness (bounded real lemma)"
-# Most steps of the doubling algorithm, which converges quadratically.
+# Most steps of the doubling algorithm (Chu, Fan, Lin and Wang).
 DOUBLINGS = 20
 
 
 class Splitting(NamedTuple):
-    """A method on a matrix: the quantities of (1), and those of its sweep.
+    """A method on a matrix: A, M and N of (1), E and L included; csr_array.
 
-    A, M and N are those of (1), E and L included; csr_array. omega is the diagonal of
-    Omega. alpha, G and H are those of `namlcp.lcp.modulus.sweeps` where M is
-    triangular; G is NaN where M = A or A + E - L. H = 0 but for the accelerated family.
+    alpha, G and H are those of `namlcp.lcp.modulus.sweeps` where M is triangular; G is
+    NaN where M = A or A + E - L. H = 0 but for the accelerated family.
     """
 
     A: Any
@@ -199,7 +192,6 @@ def converges(
 
 
 def splitting(A: Any, method: str, parameters: Parameters) -> Splitting:
-    """Return the splitting of a method, checked; arguments as in `converges`."""
     values = parameters._asdict()
     find_method(method, [name for name in values if values[name] is not None])
     for name in ("alpha", "omega"):
@@ -229,7 +221,6 @@ def undecided(checked: str = "") -> Verdict:
 
 
 def by_comparison(parts: Splitting) -> Verdict:
-    """Ask whether K = C - W is an M-matrix; it is a Z-matrix."""
     C, W = comparison(parts)
     # if this is an M-matrix, so is the exact C - W
     K = sparse.csr_array(C - SAFE * abs(C) - (1.0 + SAFE) * W)
@@ -244,7 +235,6 @@ def by_comparison(parts: Splitting) -> Verdict:
 
 
 def comparison(parts: Splitting) -> tuple[Any, Any]:
-    """Return C and W, T <= C^-1 W."""
     A, M, N, omega, alpha, G, H = parts
     D = A.diagonal()
     if H:
@@ -258,7 +248,6 @@ def comparison(parts: Splitting) -> tuple[Any, Any]:
 
 
 def by_descent(semidefinite: bool, parts: Splitting) -> Verdict:
-    """Ask whether this is projected SOR on a symmetric (semi)definite matrix."""
     A = parts.A
     if parts.H == 0.0 or parts.G != 0.0:
         return undecided()
@@ -283,7 +272,6 @@ def by_descent(semidefinite: bool, parts: Splitting) -> Verdict:
 
 
 def by_cayley(parts: Splitting) -> Verdict:
-    """Ask whether this is the modulus method, a Cayley transform, on a definite A."""
     if not math.isnan(parts.G) or parts.N.count_nonzero():
         return undecided()
     A = parts.A
@@ -298,10 +286,9 @@ def by_cayley(parts: Splitting) -> Verdict:
 def positive_definite(A: Any) -> str:
     """Return how a symmetric csr_array was seen to be positive definite, or "".
 
-    A symmetric H+ matrix is. Otherwise an LDL' factorisation of S - c I must succeed, S
-    = D^(-1/2) A D^(-1/2), where c covers its rounding errors (Demmel; Rump, BIT 46
-    (2006) 433-452): to first order an entry's is at most (n + 1) u, so that their norm
-    is below (n + 1) u n. c is more than four times that.
+    If it is no H+ matrix, an LDL' factorisation of S - c I must succeed, S = D^(-1/2) A
+    D^(-1/2), where c is more than four times the norm (n + 1) u n of its rounding
+    errors (Demmel; Rump, BIT 46 (2006) 433-452).
     """
     n, D = A.shape[0], A.diagonal()
     verdict = is_h_plus(A)
@@ -322,7 +309,6 @@ def dense_parts(parts: Splitting) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def by_inverse(parts: Splitting) -> Verdict:
-    """Ask whether T v < v for a v > 0, with a T that is at most that of Theorem 2."""
     if parts.H:
         return undecided()
     left, N, right = dense_parts(parts)
@@ -340,11 +326,8 @@ def by_inverse(parts: Splitting) -> Verdict:
 
 
 def by_repulsion(parts: Splitting) -> Verdict:
-    """Refute convergence by the linear sweep ds+ = (I - 2 X^-1 A) ds, no bound active.
-
-    X = M + Omega, less L in the accelerated family. The modulus of an eigenvalue must
-    exceed 1 by more than a first-order estimate of its error.
-    """
+    # While no bound is active ds+ = (I - 2 X^-1 A) ds. The modulus of an eigenvalue
+    # must exceed 1 by more than a first-order estimate of its error.
     n = parts.omega.size
     A, X = parts.A.toarray(), dense_parts(parts)[0]
     if parts.H:
@@ -363,11 +346,6 @@ def by_repulsion(parts: Splitting) -> Verdict:
 
 
 def by_quadratic_norm(parts: Splitting) -> Verdict:
-    """Look for a quadratic norm in which every sweep contracts, by the factor `bound`.
-
-    Lambda is Omega, or else that which minimises the norm of |X| + |Y| + |Z|: ratios of
-    its left and right Perron vectors.
-    """
     n = parts.omega.size
     left, N, right = dense_parts(parts)
     L = -np.tril(parts.A.toarray(), -1) if parts.H else np.zeros((n, n))
@@ -375,7 +353,7 @@ def by_quadratic_norm(parts: Splitting) -> Verdict:
     X, Y, Z = (np.linalg.solve(left, side) for side in (N, right - L, L))
     if not np.abs(np.linalg.eigvals(X)).max() < 1.0:
         return none
-    S = np.abs(X) + np.abs(Y) + np.abs(Z)
+    S = np.abs(X) + np.abs(Y) + np.abs(Z)  # ratios of Perron vectors minimise its norm
     values, *sides = linalg.eig(S, left=True, right=True)
     k = int(np.argmax(np.abs(values)))
     y, x = (np.maximum(np.abs(V[:, k]), 1e-8) for V in sides)
@@ -394,10 +372,7 @@ def by_quadratic_norm(parts: Splitting) -> Verdict:
 def for_unit_weight(
     X: np.ndarray, Y: np.ndarray, Z: np.ndarray, rounding: float
 ) -> tuple[np.ndarray, float] | None:
-    """Return (Q, factor) for Lambda = I; None if no Q solves the matrix inequality.
-
-    `rounding` estimates the relative rounding errors of X, Y and Z.
-    """
+    """Return (Q, factor) for Lambda = I; None if no Q solves the matrix inequality."""
     I, B = np.eye(X.shape[0]), X @ Z + Y
     S = (1.0 + MARGIN) * Z
     Q = riccati(X, B, (1.0 + MARGIN) * I, S, S.T @ Z - (1.0 - MARGIN) * I)
@@ -419,8 +394,8 @@ def riccati(
 ) -> np.ndarray | None:
     """Solve Q = A'QA + H - (A'QB + S)(R + B'QB)^-1 (B'QA + S') by doubling, R < 0.
 
-    Chu, Fan, Lin and Wang; None where the iterates, which grow, do not converge.
-    (SciPy's solve_discrete_are takes 10 to 20 times as long.)
+    None where the iterates, which grow, do not converge. (SciPy's solve_discrete_are
+    takes 10 to 20 times as long.)
     """
     inverse = np.linalg.inv(R)
     A, G = A - B @ inverse @ S.T, B @ inverse @ B.T

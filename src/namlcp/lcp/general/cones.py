@@ -40,7 +40,6 @@ SAME = 1e-11
 
 
 def cones_of(M: Any) -> tuple[np.ndarray, ...] | None:
-    """Return what `Condensed` takes beside a sparse M, None if there are no cones."""
     M = sparse.csr_array(M)
     by_columns = sparse.csc_array(M)
     g = np.flatnonzero(M.diagonal() == 0.0)
@@ -95,12 +94,10 @@ def principal(
     """Diagonalise sums of w_i a_i a_i', w (k, d) >= 0, a (k, d, p), p = 1 or 2.
 
     Return the eigenvalues (k, p), the axes (k, p, p) and the a_i along these axes. The
-    first guess of an axis is the a_i of the largest w_i |a_i|^2, which has exactly
-    nothing across it; one rotation of Jacobi does the rest. So what this a_i has across
-    the axes keeps its digits, though it may be w_2 / w_1 of the whole. The determinant
-    is that of the minors, sum_{i<j} w_i w_j (a_i x a_j)^2 (Cauchy and Binet), and the
-    least eigenvalue the determinant over the largest: nothing cancels, however
-    different the weights are.
+    first guess of an axis is the a_i of the largest w_i |a_i|^2; one rotation of Jacobi
+    does the rest. So what this a_i has across the axes keeps its digits, though it may
+    be w_2 / w_1 of the whole. The least eigenvalue is the determinant, sum_{i<j} w_i
+    w_j (a_i x a_j)^2 (Cauchy and Binet), over the largest: nothing cancels.
     """
     k, _, p = vectors.shape
     if p == 1:
@@ -135,9 +132,8 @@ def principal(
 class ConeFactors:
     """Factors of M + D for a D, by those of what remains; ValueError if a pivot is 0.
 
-    The directions of friction are turned to the principal axes of each C: where some
-    d_j are small and others are large, the entries of C^-1 are of all sizes, and in
-    other axes the largest ones would cover N.
+    The directions of friction are turned to the principal axes of each C: in others the
+    largest entries of C^-1, which are of all sizes, would cover N.
     """
 
     def __init__(self, system: "Condensed", diagonal: np.ndarray):
@@ -171,7 +167,6 @@ class ConeFactors:
         return np.count_nonzero(self.lu.pivots < 0.0) % 2 == 0
 
     def solve(self, r: np.ndarray) -> np.ndarray:
-        """Return the solution for r, (n,) or (n, k)."""
         if r.ndim == 2:
             return np.column_stack([self.solve(column) for column in r.T])
         system = self.system
@@ -203,10 +198,10 @@ class ConeFactors:
 class Condensed:
     """A sparse M with friction cones, and factors of its sums with diagonals > 0.
 
-    There are k contacts with d directions in p dimensions. g, normal (k,): indices of
-    the speeds and of the normal impulses x_l. b (k, d): those of the impulses along the
-    directions, the first p a basis. kappa (k,) and v (k, d): entries of M. c (k, d, p):
-    tau_j / v_j. remaining: indices of what is not eliminated, all but g and b[:, p:].
+    g, normal (k,): indices of the speeds and of the normal impulses x_l of k contacts.
+    b (k, d): those of the impulses along the directions, the first p a basis. kappa
+    (k,) and v (k, d): entries of M. c (k, d, p): tau_j / v_j. remaining: indices of
+    what is not eliminated, all but g and b[:, p:].
     """
 
     def __init__(self, M: Any, cones: tuple[np.ndarray, ...]):
@@ -246,7 +241,7 @@ class Condensed:
         return np.searchsorted(self.stored, columns * self.remaining.size + rows)
 
     def turn(self, axes: np.ndarray) -> np.ndarray:
-        """Return the stored entries of V'N V, V the axes of each contact."""
+        """Return the entries of V'N V, V the axes of each contact."""
         data = self.N.data
         if axes.shape[1] == 1:
             return data.copy()
@@ -272,6 +267,5 @@ System = Shifted | Condensed
 
 
 def system_of(M: Any) -> System:
-    """Return the linear systems of M + D, D > 0 diagonal, condensed where that fits."""
     cones = cones_of(M) if sparse.issparse(M) else None
     return Shifted(M) if cones is None else Condensed(M, cones)

@@ -24,11 +24,9 @@ from namlcp.residuals import natural_residual
 class Distances:
     """The LCP of p, and sums over its pairs.
 
-    M (m, m) dense or CSC, c (m,): F = M p + c, and max |c_i| = 1 or 0.
-    lower, upper (m,): the bounds of p, 0 or -inf, and r or inf.
-    signed, boxed: the indices of p with the bound 0, and of those that have r, too.
-    unfixed (m,): the indices of its unknowns in z. base (n,), scale (m,), unit: see
-    above.
+    M (m, m) dense or CSC, c (m,): max |c_i| = 1 or 0. lower, upper (m,): the bounds of
+    p, 0 or -inf, and r or inf. signed, boxed: the indices of p with the bound 0, and of
+    those that have r, too. unfixed (m,): the indices of its unknowns in z.
     """
 
     def __init__(
@@ -39,7 +37,7 @@ class Distances:
         upper: np.ndarray,
         root: np.ndarray,
     ):
-        """Take a dense or sparse A; root (n,) is 1 / |D|."""
+        """`root` (n,) is 1 / |D|."""
         low, high = np.isfinite(lower), np.isfinite(upper)
         self.base = np.where(low, lower, np.where(high, upper, 0.0))
         self.top = upper
@@ -72,7 +70,6 @@ class Distances:
         return z
 
     def p(self, z: np.ndarray) -> np.ndarray:
-        """Return the distances that belong to z."""
         return (z - self.base)[self.unfixed] / (self.unit * self.scale)
 
     def F(self, p: np.ndarray) -> np.ndarray:
@@ -81,7 +78,6 @@ class Distances:
         return F
 
     def residual(self, p: np.ndarray, F: np.ndarray) -> float:
-        """Return Res(p) of this LCP; p need not be within its bounds."""
         return natural_residual(p, F, self.lower, self.upper)
 
     def of(self, x: np.ndarray) -> np.ndarray:
@@ -96,10 +92,7 @@ class Distances:
         return x
 
     def start(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return p and its gaps: 1, or the middle of the box where that is nearer.
-
-        Unknowns without bounds start at 0.
-        """
+        """Return p and its gaps: 1, or the middle of the box where that is nearer."""
         p = np.zeros(self.c.size)
         p[self.signed] = np.minimum(1.0, 0.5 * self.upper[self.signed])
         gaps = self.of(p)
@@ -129,11 +122,10 @@ class Plain:
         self.r = r / self.unit
 
     def z(self, x: np.ndarray) -> np.ndarray:
-        """Return the unknowns of the box LCP."""
         return self.model.z(self.p(self.unit * x, 1.0))
 
     def direction(self, x: np.ndarray) -> np.ndarray:
-        """Return how these move along x, times a factor."""
+        """Return how z moves along x, times a factor."""
         v = np.zeros(self.model.base.size)
         v[self.model.unfixed] = self.model.scale * self.p(x, 0.0)
         return v
@@ -147,10 +139,8 @@ class Plain:
 
     def cover(self, d: np.ndarray) -> np.ndarray:
         """Return the covering vector of M for one of A: 1 in rows that A lacks."""
-        full = np.ones(self.r.size)
         own = (np.abs(self.model.scale) * d[self.model.unfixed])[self.model.signed]
-        full[: own.size] = own
-        return full
+        return np.append(own, np.ones(self.r.size - own.size))
 
 
 def dense(A: Any) -> np.ndarray:

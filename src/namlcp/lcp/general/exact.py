@@ -11,15 +11,11 @@ M x + b, s = c - F / rho; this x minimises the convex function
 
     phi(x) = 1/2 x'M x + rho/2 (|| s ||^2 - || s - clip(s) ||^2)
 
-(an augmented Lagrangian of the problem that has x for multipliers), whose gradient is
-M (x - clip(s)). Newton's step solves the equations of the unknowns with s inside its
-bounds; with an exact line search it converges from every start. Along the step x and s
-are linear, and phi' = -rho (s_1 - s_0)'(x - clip(s)) is piecewise linear.
-
-References
-----------
-Li, Sun and Toh, SIAM J. Optim. 28 (2018) 433-458; Hermans, Themelis and Patrinos, Math.
-Program. Comput. 14 (2022) 497-541 (the exact search).
+an augmented Lagrangian (Li, Sun and Toh, SIAM J. Optim. 28 (2018) 433-458). Newton's
+step solves the equations of the unknowns with s inside its bounds. Along it phi' = -rho
+(s_1 - s_0)'(x - clip(s)) is piecewise linear, and an exact search makes the method
+converge from every start (Hermans, Themelis and Patrinos, Math. Program. Comput. 14
+(2022) 497-541).
 """
 
 from collections.abc import Iterator
@@ -44,7 +40,7 @@ STEPS, BISECTIONS = 200, 40
 
 
 def finish(model: Distances, system: System, p: np.ndarray) -> Iterator[np.ndarray]:
-    """Yield points on one face after another, one factorisation each, from p inside."""
+    """Yield points on one face after another, one factorisation each."""
     s = p - model.F(p)
     low, high = s <= model.lower, s >= model.upper
     for _ in range(FACES):
@@ -89,7 +85,6 @@ def solve_on_face(
 def proximal_steps(
     model: Distances, system: System, p: np.ndarray
 ) -> Iterator[np.ndarray]:
-    """Yield the points of Newton's steps from p, one factorisation each."""
     lower, upper = model.lower, model.upper
     centre, x, rho = p, p, RHO
     s = centre - model.F(x) / rho

@@ -2,15 +2,12 @@
 
 For w = A z + q + z_0 d with a covering vector d > 0, z = 0 and a large z_0 satisfy all
 signs. Complementary pivoting follows the path from there: it ends where z_0 leaves, a
-solution, or on a ray. It is finite by the lexicographic order of `tableau`; rounding
-may defeat that, and may end the path on a ray that is none.
+solution, or on a ray. Rounding may end it on a ray that is none.
 
-What a ray means depends on the class of A. If A is copositive-plus (x'Ax >= 0 for x >=
-0, and (A + A')x = 0 where that is 0), as all semidefinite matrices are, there is no z
->= 0 with A z + q >= 0. If A is copositive and q'v >= 0 for all v >= 0 with A v >= 0,
-v'A v = 0, as with friction, or if A is strictly copositive or a P-matrix, there is no
-ray. Elsewhere it means nothing. The class is not tested; a ray is believed where its
-direction v proves on the data that no solution exists (`pivoting.proof`).
+A ray means nothing in general. If A is copositive-plus, as all semidefinite matrices
+are, there is no z >= 0 with A z + q >= 0. If A is copositive and q'v >= 0 for all v >=
+0 with A v >= 0, v'A v = 0, as with friction, there is no ray. The class is not tested;
+a ray is believed where its direction v proves on the data that no solution exists.
 
 *Bimatrix games.* With positive costs R (p x r) and S (r x p) of two players, the mixed
 strategies of an equilibrium are the normed parts of z = (x, y) >= 0 with
@@ -22,11 +19,10 @@ Lemke and Howson, of a label k whose pair alone need not be complementary, alway
 at an equilibrium, but may take very many pivots. So all labels race.
 
 *Tiny LCPs.* LCP(q, A) has a solution if and only if q lies in one of the 2^n
-complementary cones pos C(F), where F is a set of indices and C(F) has the columns -A
-e_i for i in F, e_i for the others: then z_F and w_B with C(F) (z_F, w_B) = q solve it.
-If C(F) is regular, each row r of its inverse with r q < 0 is a plane that separates q
-from the cone, at the distance -r q / |r|. Where that leaves it open, the distance is
-found by least squares.
+complementary cones pos C(F), where C(F) has the columns -A e_i for i in F, e_i for the
+others: then z_F and w_B with C(F) (z_F, w_B) = q solve it. If C(F) is regular, each row
+r of its inverse with r q < 0 is a plane that separates q from the cone, at the distance
+-r q / |r|. Where that leaves it open, the distance is found by least squares.
 
 References
 ----------
@@ -59,8 +55,8 @@ from namlcp.status import ENDS, Outcome, Status
 # Largest order: the tableau then takes 200 MB.
 LARGEST_TABLEAU = 5000
 # `solve_by_lemke` makes at most TRIES n + MORE_TRIES pivots with a covering vector:
-# friction takes up to 2 n, and a path on which rounding has led back never ends. The
-# default limit of the method by name: PIVOTS n + MORE_PIVOTS.
+# friction takes up to 2 n, and a path on which rounding has led back never ends. By
+# name the limit is PIVOTS n + MORE_PIVOTS.
 TRIES, MORE_TRIES, PIVOTS, MORE_PIVOTS = 10, 100, 50, 10_000
 # Multiplications between two checks of the deadline: about 10 ms.
 UNSEEN = 10_000_000
@@ -69,8 +65,6 @@ UNSEEN = 10_000_000
 FIRST_LIMIT, GROWTH, LAST_LIMIT = 20, 4, 1000
 # Largest order of an enumeration: 4096 cones take some hundredths of a second.
 LARGEST_ENUMERATION = 12
-# Message of a proof.
-ENUMERATED = "no complementary cone contains q: all were enumerated"
 # Distance of q from a cone, relative to |q|, that rounding cannot explain.
 OUTSIDE = 1e-9
 
@@ -118,8 +112,7 @@ def follow(
 ) -> Outcome:
     """Follow the path of the covering vector d of the plain form.
 
-    counts: where the count of pivots begins, and where the path is given up. STALLED
-    means that the point at its end fails, or that it has ended on a ray.
+    counts: where the count of pivots begins, and where the path is given up.
     """
     lcp, limits, m = search.lcp, search.limits, plain.r.size
     tableau = tableau_of(plain.M, plain.r, d)
@@ -155,12 +148,11 @@ def follow(
 
 
 def last_largest(x: np.ndarray) -> int:
-    """Return the last index of a largest entry, as the lexicographic order has it."""
+    # the last of several, as the lexicographic order has it
     return int(x.size - 1 - np.argmax(x[::-1]))
 
 
 def basis_solution(M: np.ndarray, r: np.ndarray, tableau: Tableau) -> np.ndarray | None:
-    """Return z of the basis, None if it is singular, by rounding."""
     z = np.zeros(r.size)
     face = np.flatnonzero((tableau.position >= 0)[r.size : 2 * r.size])
     try:
@@ -196,7 +188,6 @@ def game_of(lcp: LCP) -> tuple[np.ndarray, ...] | None:
 
 
 def solve_game(search: Search) -> Outcome | None:
-    """Return an equilibrium, None if the LCP is no game or no path came to its end."""
     lcp, limits = search.lcp, search.limits
     game, n = game_of(lcp), lcp.q.size
     if game is None:
@@ -247,10 +238,7 @@ def follow_label(
 
 
 def solve_by_enumeration(search: Search) -> Outcome | None:
-    """Return a solution, or UNSOLVABLE if q is clearly outside every cone, else None.
-
-    Iterations are the cones.
-    """
+    """Return None if q is not clearly outside every cone, and no solution is found."""
     lcp, plain = search.lcp, search.plain
     if plain is None or not 1 <= plain.r.size <= LARGEST_ENUMERATION:
         return None
@@ -278,5 +266,6 @@ def solve_by_enumeration(search: Search) -> Outcome | None:
             return lcp.outcome(Status.SOLVED, z, lcp.w(z), count, "enumeration")
     if nearest <= OUTSIDE * size:
         return None
-    status, w = Status.UNSOLVABLE, lcp.w(best)
-    return lcp.outcome(status, best, w, 2**m, "enumeration", ENUMERATED)
+    message = "no complementary cone contains q: all were enumerated"
+    point = best, lcp.w(best)
+    return lcp.outcome(Status.UNSOLVABLE, *point, 2**m, "enumeration", message)

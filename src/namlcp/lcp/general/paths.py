@@ -1,11 +1,8 @@
 """Interior paths: Mehrotra's, that of a linear program, and Lemke's homotopy.
 
-*Mehrotra's.* Each step has one factorisation, of M + diag(m/g), for a predictor that
-aims at the products g_k m_k = 0 and a corrector that aims at their centre. `mehrotra` follows the path of an LCP with a matrix
-of any kind from a fixed, infeasible start. It solves most friction problems in 10 to 20
-steps; where M is not monotone it promises nothing, and may jam where `arc` would have
-to turn. `farkas` follows that of a linear program, whose solution may prove that an LCP
-has none.
+`mehrotra` (SIAM J. Optim. 2, 1992, 575-601) starts outside of the equations. It solves
+most friction problems in 10 to 20 steps; where M is not monotone it promises nothing,
+and may jam where `arc` would have to turn.
 
 *Lemke's homotopy as a smooth curve.* The curve of all (p, m, t) with positive gaps g,
 multipliers m and
@@ -17,14 +14,6 @@ M with d > 0, and c'v >= 0 wherever v >= 0 has v'M v = 0, p stays bounded while 
 so that the curve leads to t = 0, a solution, as Lemke's path of pivots does (Cottle,
 Pang, Stone: The Linear Complementarity Problem, 1992, section 4.4). Its t turns where
 the determinant of M + diag(m / g) changes its sign, the orientation of the curve.
-
-A step uses relative changes of gaps and multipliers: U along the curve per unit of
-log t, V back to it, both from one factorisation. A point off the curve is given up for
-an earlier one and a shorter step, from a stack.
-
-References
-----------
-Mehrotra, SIAM J. Optim. 2 (1992) 575-601.
 """
 
 import math
@@ -46,7 +35,7 @@ STEP_PART = 0.99
 # Range of the mean product aimed at, relative to the present one.
 LEAST_CENTRING, MOST_CENTRING = 1e-4, 0.9
 # So many steps in a row shorter than JAM end the path. So does, from step FIRST_STALL
-# on, an error below SETTLED that does not halve in STALL steps; before, it may fall as
+# on, an error below SETTLED that does not halve in STALL steps; above, it may fall as
 # slowly on the way to a solution, in heaps of 10^4 bodies.
 JAM, JAMS, STALL, FIRST_STALL, SETTLED = 0.05, 3, 8, 15, 1e-9
 # A proof is sought once Res of the path is below CLEAR, and again whenever it has
@@ -55,23 +44,20 @@ JAM, JAMS, STALL, FIRST_STALL, SETTLED = 0.05, 3, 8, 15, 1e-9
 # EQUILIBRATIONS rounds of dividing rows and columns by roots of their absolute sums.
 CLEAR, CLEARER, ENOUGH, FEASIBLE, EQUILIBRATIONS = 1e-3, 0.01, 1e-10, 1e-6, 3
 # Of `arc`: what is added to the unit diagonal; steps at most; more with friction cones,
-# where the curve leads to a solution, but may wind: with 4000 unknowns it has been seen
-# to turn 100 times, with 2000 to take 2100 steps.
+# where the curve leads to a solution, but may wind: 2100 steps with 2000 unknowns.
 ARC_SHIFT, ARC_STEPS, PROMISED_STEPS = 1e-12, 400, 5000
-# Largest relative change of a gap or multiplier in a step along the curve: in the first
-# step; where an earlier point of the stack is taken instead; in any step.
-FIRST_STEP, LEAST_STEP, MOST_STEP = 0.9, 0.02, 0.98
+# Largest relative change of a gap or multiplier along the curve: in the first step, and
+# in any.
+FIRST_STEP, MOST_STEP = 0.9, 0.98
 # Relative changes back to the curve: below NEAR steps grow, above FAR they shrink;
 # above LOST the point is given up, and the step from the one before is SHORTER.
 NEAR, FAR, LOST, SHORTER = 0.05, 0.2, 1.0, 0.3
-# Points on the stack at most.
-KEPT = 3
 # Entry of p, relative to max |c_i| = 1, and t, at which the path ends.
 FAR_AWAY, LARGE_T = 1e10, 1e4
 
 
 class PathPoint(NamedTuple):
-    """A point of a path, or a direction from it: p, gaps and multipliers m."""
+    """A point of a path, or a direction from it."""
 
     p: np.ndarray
     gaps: np.ndarray
@@ -82,7 +68,7 @@ class PathPoint(NamedTuple):
 
 
 def mehrotra(model: Distances, system: System) -> Iterator[np.ndarray]:
-    """Yield the points p of the path, one factorisation from one to the next."""
+    """Yield points p, one factorisation from one to the next."""
     p, gaps = model.start()
     at = PathPoint(p, gaps, np.ones(gaps.size))  # max |c_i| of the model is 1
     least, jams = [math.inf], 0
@@ -111,7 +97,7 @@ def mehrotra(model: Distances, system: System) -> Iterator[np.ndarray]:
 def centred(
     model: Distances, at: PathPoint, factors: Any, excess: np.ndarray
 ) -> tuple[PathPoint, float]:
-    """Return the corrected direction, which removes the excess, and its longest step."""
+    """Return the corrected direction, which removes the excess, and its step."""
 
     def towards(change: np.ndarray) -> PathPoint:
         """Return the direction for changes of the products."""
@@ -140,18 +126,16 @@ def farkas(lcp: LCP) -> Iterator[np.ndarray]:
     """Yield directions v (n,) that may prove that no w has the signs it must have.
 
     These are w >= 0 where z has only a lower bound, w <= 0 where it has only an upper
-    one, w = 0 where it has none. A z in the box whose w violates them least, by the
-    sum of |w_i| over the rows R in question, solves a linear program. Its optimality
-    conditions are a box LCP with a skew-symmetric matrix,
+    one, w = 0 where it has none. A z in the box whose w violates them least, by a
+    weighted sum of |w_i| over the rows R in question, solves a linear program. Its
+    optimality conditions are a box LCP that always has a solution,
 
         [ 0  -A_R' ] [ z ]   [  0  ]
         [ A_R  0   ] [ v ] + [ q_R ],
 
-    with v signed as w is, and bounded by the weights of the sum. It always has a
-    solution: v = 0 if and only if nothing is violated, and otherwise v is a proof in
-    the sense of `rays.proof` (Farkas' lemma). v is 0 while there is none.
-
-    There is one factorisation from each to the next.
+    with v signed as w is, and bounded by the weights: v = 0 if and only if nothing is
+    violated, else it is a proof in the sense of `rays.proof` (Farkas' lemma). v is 0
+    while there is none; each takes one factorisation.
     """
     low, high = np.isfinite(lcp.lower), np.isfinite(lcp.upper)
     rows = np.flatnonzero(~(low & high))
@@ -188,13 +172,12 @@ def farkas(lcp: LCP) -> Iterator[np.ndarray]:
 
 
 class Directions:
-    """The directions at a point of the path, with its t and the next step h from it.
+    """The directions at a point of the path, with its t and the next step from it.
 
-    h is the largest relative change of a gap or multiplier along the curve.
     U, V: relative changes of the gaps, then of the multipliers, per unit of log t along
     the curve, and back to it; du, dv: the changes of p that belong to them; tv: the
-    relative change of t with V. forward: whether t falls along the curve. error: the
-    largest entry of V and tv.
+    relative change of t with V. error: the largest entry of V and tv. h: the largest
+    relative change along the curve. forward: whether t falls along it.
     """
 
     h: float
@@ -206,7 +189,7 @@ class Directions:
         t: float,
         factors: Any,
     ):
-        """Take the model, d and the products a, and M + diag(m / g) factored."""
+        """`curve` holds the model, d and the products a of (1)."""
         (model, d, products), self.at, self.t, self.factors = curve, at, t, factors
         self.model = model
         wish = t * products / at.gaps
@@ -228,7 +211,6 @@ class Directions:
         self.forward = factors.is_positive()
 
     def changes(self, dp: np.ndarray, products: np.ndarray) -> np.ndarray:
-        """Return the relative changes for dp and those of the products g_k m_k."""
         a = self.model.of(dp) / self.at.gaps
         return np.concatenate((a, products - a))
 
@@ -254,36 +236,28 @@ class Directions:
 
 
 def arc(model: Distances, system: System) -> Iterator[np.ndarray]:
-    """Yield the points p of the path, one factorisation from one to the next.
-
-    It starts at gaps of 1, as max |c_i| = 1, with multipliers that make d >= 1.
-    """
+    """Yield points p, one factorisation from one to the next; d >= 1."""
     p, gaps = model.start()
     F = model.F(p)
     m = np.maximum(model.of(F), 0.0) + 1.0
     curve = model, model.total(m) - F, gaps * m
     at, t, h = PathPoint(p, gaps, m), 1.0, FIRST_STEP
-    stack: list[Directions] = []
+    last: Directions | None = None
     for _ in range(PROMISED_STEPS if isinstance(system, Condensed) else ARC_STEPS):
         yield at.p
         if t > LARGE_T or np.abs(at.p).max(initial=0.0) > FAR_AWAY:
             return
         factors = system.factors(model.total(at.m / at.gaps, 1.0) + ARC_SHIFT)
         here = None if factors is None else Directions(curve, at, t, factors)
-        off = here is None or not here.error <= LOST
-        if here is not None and math.isfinite(here.error) and not (off and stack):
+        if here is not None and here.error <= (LOST if last else 1e300):
             here.h = 0.7 * h if here.error > FAR else h
             if here.error < NEAR:
                 here.h = min(MOST_STEP, 2.0 * h)
-            stack.append(here)
-            del stack[:-KEPT]
-        elif stack:  # an earlier point is better where the last step was short
-            stack[-1].h *= SHORTER
-            while stack[-1].h < LEAST_STEP and len(stack) > 1:
-                stack.pop()
-                stack[-1].h *= SHORTER
-        else:
+            last = here
+        elif last is None:
             return
-        h = stack[-1].h
-        at, t = stack[-1].move()
+        else:
+            last.h *= SHORTER
+        h = last.h
+        at, t = last.move()
     yield at.p

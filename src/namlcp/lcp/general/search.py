@@ -1,8 +1,4 @@
-"""What the methods for general LCPs share: the problem, limits, the best point so far.
-
-Paths are generators of points, one factorisation from each to the next. `Search` runs
-them: it counts, looks at the clock, and judges points on the caller's data.
-"""
+"""The search for a solution of a general LCP, with the best point so far."""
 
 import math
 from collections.abc import Iterator
@@ -31,10 +27,9 @@ FACTORISATIONS = 5000
 
 
 class Search(Criterion):
-    """The search for a solution of one LCP, with the best point so far."""
+    """`before` counts the factorisations of earlier methods."""
 
     def __init__(self, lcp: LCP, limits: Limits, before: int = 0):
-        """`before` counts the factorisations of earlier methods."""
         super().__init__(lcp, limits)
         self.count, self.most = before, limits.max_iter or before + FACTORISATIONS
         self.z = lcp.start()
@@ -45,13 +40,12 @@ class Search(Criterion):
 
     @cached_property
     def model(self) -> Distances:
-        """The problem of the paths, scaled to a unit diagonal."""
         matrix, q, lower, upper = self.lcp
         return Distances(matrix.compact, q, lower, upper, matrix.root)
 
     @cached_property
     def plain(self) -> Plain | None:
-        """The problem of the pivots; None if what is free is singular."""
+        """None if what is free is singular."""
         try:
             return Plain(self.model)
         except np.linalg.LinAlgError:
@@ -65,11 +59,9 @@ class Search(Criterion):
         return system_of(M)
 
     def over(self) -> bool:
-        """Tell whether to stop: nothing is left to do, or a limit is reached."""
         return self.ended or self.count >= self.most or self.limits.deadline.reached()
 
     def offer(self, z: np.ndarray, method: str) -> None:
-        """Keep z if its Res is the least so far."""
         w = self.lcp.w(z)
         plain, scaled = self.residuals(z, w)
         if scaled < self.least:
@@ -89,12 +81,13 @@ class Search(Criterion):
         self.follow(arc(self.model, system_of(self.model.M)), "arc")
 
     def by_proof(self) -> Outcome | None:
-        """Ask for a proof that there is no solution."""
         for v in farkas(self.lcp):
-            found = self.disproved(v) if v.any() else None
+            ray = proof(self.lcp, v) if v.any() else None
+            if ray is not None:
+                return self.outcome()._replace(status=Status.UNSOLVABLE, ray=ray)
             self.count += 1
-            if found is not None or self.over():
-                return found
+            if self.over():
+                break
         return None
 
     def follow(self, points: Iterator[np.ndarray], method: str) -> None:
@@ -132,10 +125,7 @@ class Search(Criterion):
     def seek(
         self, points: Iterator[np.ndarray], method: str, any_solution: bool = False
     ) -> None:
-        """Seek an exact solution among points, or any one; only that ends the search.
-
-        The points come at one factorisation each.
-        """
+        """Seek an exact solution among points, or any; only that ends the search."""
         for x in points:
             self.offer(self.clipped(x), method)
             self.counts()
@@ -160,19 +150,11 @@ class Search(Criterion):
             outcome.status, self.z, self.w, outcome.iterations, self.method
         )
 
-    def disproved(self, v: np.ndarray) -> Outcome | None:
-        """Return UNSOLVABLE if the direction v proves that, corrected for rounding."""
-        ray = proof(self.lcp, v)
-        if ray is None:
-            return None
-        return self.outcome()._replace(status=Status.UNSOLVABLE, ray=ray)
-
     def clipped(self, p: np.ndarray) -> np.ndarray:
         z = self.model.z(p)
         return np.clip(z, self.lcp.lower, self.lcp.upper, out=z)
 
     def outcome(self, message: str = "") -> Outcome:
-        """Return the best point and what is known of it."""
         status = Status.MAX_ITER if self.count >= self.most else Status.STALLED
         if self.solved:
             status = Status.SOLVED

@@ -21,8 +21,8 @@ from cython.cimports.namlcp.linalg.vectors import add_scaled
 # Modulus of an entry of T, relative to the largest of its column, that counts as 0.
 LEAST_PIVOT = 1e-11
 
-# Two ratios x and y are equal up to rounding if |x - y| <= TIE (|x| + |y|) + TINY_TIE.
-# (The problem is scaled to max |q_i| = 1.)
+# Two ratios x and y are equal up to rounding if |x - y| <= TIE (|x| + |y|) + TINY_TIE;
+# max |q_i| is 1.
 TIE, TINY_TIE = 1e-11, 1e-13
 
 
@@ -48,13 +48,11 @@ class Tableau:
         return Tableau(*[part.copy() for part in parts])
 
     def values(self):
-        """Return the (2n + 1,) values of all variables, where the nonbasic are 0."""
         x = np.zeros(self.position.size)
         x[self.basic] = self.rows[:, 0]
         return x
 
     def direction(self, name):
-        """Return how all variables change where the nonbasic `name` grows."""
         x = np.zeros(self.position.size)
         x[self.basic] = self.rows[:, -1 - int(self.position[name])]
         x[name] = 1.0
@@ -62,7 +60,6 @@ class Tableau:
 
 
 def tableau_of(A, q, *d):
-    """Return the tableau of w = A z + q + z_0 d, or without z_0 if d is absent."""
     n = q.size
     rows = np.ascontiguousarray(np.column_stack((q, A, *d)))
     position = np.empty(2 * n + 1, np.intp)
@@ -73,7 +70,6 @@ def tableau_of(A, q, *d):
 
 
 def exchange(t, row, column):
-    """Make the variable of a column basic in place of that of a row."""
     pivot_row = t.entry + row * t.width
     inverse = 1.0 / pivot_row[column]
     for j in range(t.width):
@@ -99,14 +95,12 @@ def inverse_entry(t, row, j):
 
 
 def order(x, y):
-    """Return the sign of x - y, 0 where that is rounding."""
     if fabs(x - y) <= TIE * (fabs(x) + fabs(y)) + TINY_TIE:
         return 0
     return 1 if x > y else -1
 
 
 def comes_before(t, i, k, column):
-    """Tell whether row i limits the variable of a column before row k does."""
     one, other = t.entry + i * t.width, t.entry + k * t.width
     over_i, over_k = -1.0 / one[column], -1.0 / other[column]
     sign = order(one[0] * over_i, other[0] * over_k)
@@ -118,10 +112,7 @@ def comes_before(t, i, k, column):
 
 
 def leaving_row(t, column, wanted, or_wanted):
-    """Return the row that limits the variable of a column first, -1 if none does.
-
-    Where a variable that is wanted is among several that limit it equally, it leaves.
-    """
+    """Return the row that limits a column first, -1 if none, a wanted one of equals."""
     entry, width, largest = t.entry, t.width, 0.0
     for i in range(t.n):
         largest = max(largest, fabs(entry[i * width + column]))
