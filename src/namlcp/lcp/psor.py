@@ -28,11 +28,9 @@ from namlcp.status import ENDS, Outcome, Status
 
 # Largest mu for which Young's alpha is at most 2/(1 + mu).
 YOUNG_IS_SAFE = 1.0 / math.sqrt(2.0)
-# Sweeps at most, and between two measurements of the rate.
-MOST_SWEEPS, RATE_SWEEPS = 200, 8
-# Consecutive rates that must be too slow before the method stalls if alpha > 1, as
-# over-relaxed sweeps begin slowly; otherwise one is enough.
-SLOW = 3
+# Sweeps at most, and between two measurements of the rate. Of these so many in a row
+# must be too slow if alpha > 1, as over-relaxed sweeps begin slowly; otherwise one.
+MOST_SWEEPS, RATE_SWEEPS, SLOW = 200, 8, 3
 
 
 def solve_by_sweeps(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:

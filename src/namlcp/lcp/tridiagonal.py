@@ -21,8 +21,8 @@ from cython.cimports.namlcp.measure import are_met
 
 from namlcp.status import Status
 
-# Violation of a sign, relative to Res(clip(0)), that counts as 0; relative difference of
-# two pivots that count as equal.
+# Violation of a sign, relative to Res(clip(0)), that counts as 0; relative difference
+# up to which two pivots count as equal.
 SIGN_ROUNDING, SAME_PIVOT = 1e-15, 4.0 * np.finfo(float).eps
 
 

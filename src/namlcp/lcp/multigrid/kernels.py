@@ -20,14 +20,13 @@ VANISHED = 1e-13
 
 
 def rows_of(M, n):
-    """Return where the arrays of a matrix of n rows are."""
     rows = cython.declare(Columns)
     take_columns(M, n, cython.address(rows))
     return rows
 
 
 def free_product(matrix, dinv, x, y):
-    """Write y = T A x, for T = I in less than half of the time of SciPy's product."""
+    """Write y = T A x, in less than half of the time of SciPy's product."""
     n = dinv.shape[0]
     A = rows_of(matrix, n)
     with cython.nogil:
@@ -69,13 +68,10 @@ def descend(matrix, diagonal, interpolation, dinv, b, x, coarse):
 
 
 def ascend(matrix, diagonal, interpolation, dinv, b, coarse, x):
-    """Add T P coarse to x, and sweep backward on T A T x = b.
-
-    T P coarse is added to an entry of x before the first row that reads it is swept.
-    """
+    """Add T P coarse to x, and sweep backward on T A T x = b."""
     n = x.shape[0]
     A, P = rows_of(matrix, n), rows_of(interpolation, n)
-    added: cython.Py_ssize_t = n  # from here on
+    added: cython.Py_ssize_t = n  # from here on, just before they are read
     with cython.nogil:
         for i in range(n - 1, -1, -1):
             while added > A.indices[A.indptr[i]]:
@@ -98,14 +94,12 @@ def ascend(matrix, diagonal, interpolation, dinv, b, coarse, x):
 def truncate_coarse(level, face, below_level, below):
     """Recompute the rows of A_c = P' T A T P that differ from P' A P, no others.
 
-    Entries outside the pattern of P' A P are added, in modulus, to the diagonal. A
-    coarse unknown is truncated if C_j, the fine unknown it stands for, is not free, or
-    its diagonal vanishes. (Kornhuber keeps it as long as any fine unknown of column j
-    of P is free. Next to a long edge of the face these columns, cut off in the middle,
-    slow down the cycles.)
-
-    `below`, an earlier face of the coarse level, gets A_c in the pattern of P' A P, its
-    dinv and touched.
+    `below`, an earlier face, gets A_c in the pattern of P' A P, its dinv and touched.
+    Entries outside the pattern are added, in modulus, to the diagonal. A coarse unknown
+    is truncated if C_j, the fine unknown it stands for, is not free, or its diagonal
+    vanishes. (Kornhuber keeps it as long as any fine unknown of column j of P is free.
+    Next to a long edge of the face these columns, cut off in the middle, slow down the
+    cycles.)
     """
     d: cython.double[::1] = below_level.d
     C: cython.int[::1] = level.C
