@@ -181,7 +181,7 @@ def relax_row(i, row, column, entry, c, l, u, alpha, x):
 #     (P - G L) ds - H L dz = -2 (A z + q - w).
 #
 # The right side needs A z of the *old* iterate, so the pass that computes s+ also gives
-# Res(z). The term that depends on row i - 1 is added last, as in `relax`. NaN passes the
+# Res(z). What depends on row i - 1 is added last, as in `relax`. NaN passes the
 # comparisons and reaches the residual; infinite bounds are compared, never subtracted.
 #
 # All vectors are rows of two-dimensional arrays: `vectors` has the diagonals of Omega

@@ -78,7 +78,8 @@ def ways(matrix: Prepared, deadline: Deadline) -> Iterator[tuple[Any, ...]]:
     # tridiagonal one whose elimination met too many faces.
     may_be_slow = matrix.n >= LARGE_LCP or matrix.tridiagonal is not None
     if matrix.is_sparse and matrix.n > MOST_SMALL and may_be_slow:
-        yield solve_by_sweeps, (Status.STALLED, Status.MAX_ITER)
+        if matrix.dominance < np.inf:
+            yield solve_by_sweeps, (Status.STALLED, Status.MAX_ITER)
         if hierarchy_of(matrix, deadline) is not None:
             yield solve_by_multigrid, (Status.STALLED, Status.MAX_ITER)
     yield solve_by_pivoting, ()

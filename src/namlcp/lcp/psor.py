@@ -34,21 +34,15 @@ MOST_SWEEPS, RATE_SWEEPS, SLOW = 200, 8, 3
 
 
 def solve_by_sweeps(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:
-    """Solve an LCP with a csr_array by projected SOR from clip(z0).
+    """Solve an LCP with a csr_array of finite `dominance` by projected SOR.
 
-    STALLED: MOST_SWEEPS will not suffice, or a diagonal entry is not positive.
+    STALLED: MOST_SWEEPS will not suffice.
     """
     z, criterion = lcp.start(z0), Criterion(lcp, limits)
-    mu = lcp.matrix.dominance
-    if not mu < math.inf:
-        return lcp.outcome(Status.STALLED, z, lcp.w(z), 0, "psor")
     w = lcp.w(z) if z.any() else lcp.q.copy()
-    plain, scaled = criterion.residuals(z, w)
-    if z0 is None:
-        criterion.size = scaled
-    if criterion.met(plain, scaled):
+    if criterion.accepts(z, w):
         return lcp.outcome(Status.SOLVED, z, w, 0, "psor")
-    alpha = 1.0
+    alpha, mu = 1.0, lcp.matrix.dominance
     if mu < 1.0:
         young = 2.0 / (1.0 + math.sqrt(1.0 - mu * mu))
         promised = (young - 1.0) ** (MOST_SWEEPS // 2) * criterion.size

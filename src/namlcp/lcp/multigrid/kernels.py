@@ -12,6 +12,7 @@ Matrices are in CSR; `diagonal` holds the positions of their a_ii.
 """
 
 import cython
+import numpy as np
 from cython.cimports.libc.math import fabs
 from cython.cimports.namlcp.linalg.csc import Columns, take_columns
 
@@ -108,8 +109,8 @@ def truncate_coarse(level, face, below_level, below):
     truncated: cython.double[::1] = below.A.data
     coarse_dinv: cython.double[::1] = below.dinv
     touched: cython.uchar[::1] = below.touched
-    position: cython.int[::1] = below.position
     n, m = dinv.shape[0], d.shape[0]
+    position: cython.int[::1] = np.empty(m, np.int32)  # places of columns in row j
     A, P = rows_of(face.A, n), rows_of(level.P, n)
     R, coarse = rows_of(level.R, m), rows_of(below_level.A, m)
     with cython.nogil:
