@@ -6,8 +6,7 @@ truncated to F, solves A_FF x = -w_F roughly, or to the tolerance if F has not c
 Then z moves towards clip(z + x): for symmetric A to the minimum of E = z'Az / 2 + q'z
 on that segment, else all the way. For symmetric positive definite A the sweeps and the
 line search decrease E, and the sweeps alone would converge. For other matrices
-convergence is not guaranteed: the best point is kept, and cycles that do not improve it
-end.
+convergence is not guaranteed: the best point is kept.
 
 The start is nested iteration: each coarse level solves the LCP with P'q and the bounds
 at the coarse unknowns, from the solution of the next coarser one. Without it F would
@@ -42,12 +41,11 @@ NEW_FACE_REDUCTION, NEW_FACE_STEPS, SETTLED_FACE_STEPS, FACE_GOAL = 0.1, 12, 60,
 # For the nested start, on each coarse level: Res wanted relative to Res(clip(0)), and
 # cycles at most.
 NESTED_GOAL, NESTED_CYCLES = 1e-3, 3
-# z0 is used if Res(z0) <= WARM_RESIDUAL Res(clip(0)); after WARM_CYCLES cycles without
-# success the solve begins anew with the nested start.
-WARM_RESIDUAL, WARM_CYCLES = 1e-2, 5
+# z0 is used if Res(z0) <= WARM_RESIDUAL Res(clip(0)).
+WARM_RESIDUAL = 1e-2
 # The solve ends after so many cycles in a row on an unchanged face that leave more than
-# half of the residual; that of a nonsymmetric A after so many without a better point.
-SLOW_CYCLES, FRUITLESS_CYCLES = 2, 5
+# half of the residual.
+SLOW_CYCLES = 2
 
 
 class LevelLCP:
@@ -137,10 +135,7 @@ class LevelLCP:
 
 
 def solve_by_multigrid(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:
-    """Solve the box LCP; iterations are cycles on A itself. Raise if A does not suit.
-
-    STALLED: rounding, or no progress for nonsymmetric A.
-    """
+    """Solve the box LCP; iterations are cycles on A. Raise if A does not suit."""
     hierarchy = hierarchy_of(lcp.matrix, limits.deadline)
     if hierarchy is None:
         if not limits.deadline.reached():
@@ -199,11 +194,11 @@ class MultigridSolver:
             solved = self.is_solved()
         if solved:
             return Status.SOLVED
-        fruitless = slow = 0
+        slow = 0
         while self.done < max_cycles:
             if deadline.reached():
                 return Status.TIME_LIMIT
-            before, least = self.residual, self.least
+            before = self.residual
             self.done += 1
             top.smooth()
             solved = self.is_solved()
@@ -215,15 +210,8 @@ class MultigridSolver:
                 limits.report(self.done, self.plain, self.lcp.active(self.z))
             if solved:
                 return Status.SOLVED
-            if warm and self.done == WARM_CYCLES:
-                self.cycle.faces[0].dinv[:] = 1.0 / self.cycle.levels[0].d
-                self.cycle.follow_face(0)
-                top.nest(deadline)
-                continue
-            fruitless = 0 if self.least < least else fruitless + 1
             is_slow = top.settled and not self.residual <= 0.5 * before
             slow = slow + 1 if is_slow else 0
-            is_lost = fruitless >= FRUITLESS_CYCLES and not self.cycle.symmetric
-            if slow >= SLOW_CYCLES or is_lost:
+            if slow >= SLOW_CYCLES:
                 return Status.STALLED
         return Status.MAX_ITER
