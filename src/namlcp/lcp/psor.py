@@ -9,11 +9,11 @@ so mu of D^(-1/2) A D^(-1/2), which does not depend on S, serves as well. Young'
     alpha = 2 / (1 + sqrt(1 - mu^2))
 
 is optimal where the rows have two colours so that none is coupled to another one of its
-colour, as those of the five-point matrix: without bounds an error then falls by the
-factor alpha - 1 a sweep, asymptotically. If one colour is relaxed after the other, it
-does so from the first sweeps on; in the natural order only after some sqrt(n) of them
-(five-point matrix + 4 I, n = 10^6: 14 sweeps to 1e-10 in place of 25). With alpha = 1
-the natural order is kept: it is the faster one where A carries errors along with it.
+colour: without bounds an error then falls by the factor alpha - 1 a sweep. If one
+colour is relaxed after the other, it does so from the first sweeps on; in the natural
+order only after some sqrt(n) of them (five-point matrix + 4 I, n = 10^6: 14 sweeps to
+1e-10 in place of 25). With alpha = 1 the natural order is kept: it is the faster one
+where A carries errors along with it.
 """
 
 import math

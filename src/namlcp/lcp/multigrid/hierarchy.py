@@ -3,11 +3,10 @@
 If the V(1,1)-cycle contracts too slowly, as on irregular meshes, the coarsening is
 repeated with its second pass.
 
-For nonsymmetric A the C/F splitting uses the strong couplings of A and of A', since
-both restriction and interpolation need coarse neighbours. With those of A alone, cycles
-on a face of a convective five-point matrix leave 70 % of the error, not 20 %. pyamg's
-compiled functions compute splitting and weights; its public functions copy every
-matrix.
+For nonsymmetric A the C/F splitting uses the strong couplings of A and of A': with
+those of A alone, cycles on a face of a convective five-point matrix leave 70 % of the
+error, not 20 %. pyamg's compiled functions compute splitting and weights; its public
+functions copy every matrix.
 
 Coarsening depends on the scaling. Matrices of differential equations, also those with
 jumping coefficients, have row sums near zero in the right scaling; by these sums A or
@@ -49,8 +48,8 @@ THETA = 0.25
 # Krylov steps at most between two computations of the residual, and computations of it
 # at most: recurrences drift away from it by rounding.
 LINEAR_STEPS, RESTARTS = 100, 3
-# Vectors kept for each level: as many as Krylov steps on it need. (Fresh memory costs
-# more than what is done with it: a third of a solve with n = 10^7.)
+# Vectors kept for each level, for Krylov steps: fresh memory costs more than what is
+# done with it, a third of a solve with n = 10^7.
 ROOM = 5
 # If the largest diagonal entry is not between this and its inverse, A is scaled.
 FAR_FROM_ONE = 1e8
@@ -251,10 +250,10 @@ def build(A: Any, symmetric: bool, deadline: Deadline) -> Hierarchy | None:
 
 
 def scaling(A: Any) -> np.ndarray:
-    """Return the diagonal of S, the better one of I and D^-1/2.
+    """Return that diagonal of S, 1 or D^-1/2, with less |row sum| / diagonal of S A S.
 
-    Better is the smaller median of |row sum| / diagonal of S A S. If the diagonal is
-    far from 1, it is D^-1/2, since pyamg's weights are not scale invariant.
+    The median counts. D^-1/2 if the diagonal is far from 1, as pyamg's weights are not
+    scale invariant.
     """
     d = A.diagonal()
     if not d.size:

@@ -1,14 +1,9 @@
 """Compiled parts of the truncated multigrid cycle, each a pass over one level.
 
-A face F is the set of free unknowns, given by `dinv`: 1 / a_ii on F, 0 elsewhere. T is
-diagonal with T_ii = 1 on F, 0 elsewhere. The V(1,1)-cycle acts on T A T: one forward
-Gauss-Seidel sweep, the correction with the coarse matrix
-
-    A_c = P' T A T P,
-
-and one backward sweep (Ruge and Stueben, in McCormick, Multigrid Methods, SIAM 1987,
-for T = I; Kornhuber, Numer. Math. 69 (1994) 167-184, for truncation).
-Matrices are in CSR; `diagonal` holds the positions of their a_ii.
+A face F is given by `dinv`: 1 / a_ii on F, 0 elsewhere; T is diagonal, 1 on F, 0
+elsewhere. The V(1,1)-cycle acts on T A T: one forward Gauss-Seidel sweep, the
+correction with the coarse matrix A_c = P' T A T P, and one backward sweep (Kornhuber,
+Numer. Math. 69 (1994) 167-184). `diagonal` holds the positions of the a_ii.
 """
 
 import cython
