@@ -124,7 +124,6 @@ class Prepared:
 
     @cached_property
     def stamp(self) -> int:
-        """The hash of the entries of A when it was first asked for."""
         return self.stamp_now()
 
     def stamp_now(self) -> int:
@@ -165,8 +164,7 @@ class Prepared:
     def columns(self) -> Any:
         """Its columns for pivoting: rows of a dense array, or the arrays of CSC.
 
-        Columns, as a change of one unknown adds a multiple of its own one to w. Those
-        of a symmetric matrix are its rows, so that no copy is made.
+        Those of a symmetric matrix are its rows, so that no copy is made.
         """
         A, n = self.A, self.n
         if isinstance(A, np.ndarray):
@@ -201,10 +199,7 @@ class Prepared:
 
 
 class Operator:
-    """A symmetric matrix A known by x -> A x, with a diagonal of ones unless given.
-
-    It replaces an array where only A @ x, A.shape and A.diagonal() are used.
-    """
+    """A symmetric matrix A known by x -> A x, with a diagonal of ones unless given."""
 
     def __init__(self, A: LinearOperator, diagonal: Any):
         self.A, self.shape = A, A.shape

@@ -5,7 +5,7 @@ cdef double INFINITE
 cpdef enum:
     MOST_SMALL = 100
 
-# Stages of `relax_coloured`, and rows that the first one passes at a time.
+# Of `relax_coloured`: stages, and rows that the first one passes at a time.
 cdef enum:
     STAGES = 4
     BLOCK = 256

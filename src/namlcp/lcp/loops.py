@@ -52,7 +52,7 @@ def row_sums(indptr, indices, data, x, roundoff, least, own, others, margin):
 
     A sum of k terms t is off by at most (k + 1) u sum |t| (Higham, Accuracy and
     Stability, section 3.1), u = roundoff, and underflow adds less than 4 k times the
-    `least` number. Where no operation is rounded the error is 0.
+    `least` number. No error where no operation is rounded.
     """
     for i in range(x.shape[0]):
         d, off = 0.0, 0.0
@@ -81,10 +81,9 @@ def relax(indptr, indices, data, q, lower, upper, alpha, z, way):
     """Overwrite z by one projected SOR sweep; return || D^(1/2) (z+ - z) ||_2.
 
     z_i <- clip(z_i - alpha (A z + q)_i / a_ii, l_i, u_i) with the newest values of z
-    (Cryer 1971), from the first row on (way = 1), or the last (-1). z must lie in
-    [lower, upper]; A is CSR without duplicates, every a_ii stored and positive. The
-    returned number, D = diag(A), is about as large as Res of the problem scaled to a
-    unit diagonal, but no bound for it.
+    (Cryer 1971), from the first row on (way = 1), or the last (-1). Every a_ii is
+    stored and positive. The returned number, D = diag(A), is about as large as Res of
+    the problem scaled to a unit diagonal, but no bound for it.
 
     The one term of a row that depends on the row before is added last: the chain of
     these limits the speed.
@@ -118,10 +117,10 @@ def relax(indptr, indices, data, q, lower, upper, alpha, z, way):
 
 
 def two_colours(indptr, indices, second):
-    """Colour rows so that each differs from the rows above it that it is coupled to.
+    """Mark rows of a second colour so that none is coupled to one of its colour.
 
-    Marks the rows of the second colour; False if it finds no such colours, which are
-    unique where every row but the first is coupled to one above it.
+    False if it finds no such colours, which are unique where every row but the first is
+    coupled to one above it.
     """
     for i in range(second.shape[0]):
         first = indices[indptr[i]]
@@ -133,11 +132,11 @@ def two_colours(indptr, indices, second):
 
 
 def relax_coloured(indptr, indices, data, q, lower, upper, alpha, z, second):
-    """Make two sweeps, each with the rows of the second colour last.
+    """Make two sweeps, the second colour last; return for both what `relax` returns.
 
-    Returns for both what `relax` returns. Their four stages go through the matrix at
-    once, so that it is read from memory once: a stage relaxes a row as soon as the one
-    before has passed all rows that this row is coupled to.
+    Their four stages go through the matrix at once, so that it is read from memory
+    once: a stage relaxes a row as soon as the one before has passed all rows that this
+    row is coupled to.
     """
     n: cython.Py_ssize_t = z.size
     row, column = places(indptr, n + 1), places(indices, data.size)
@@ -182,11 +181,8 @@ def relax_row(i, row, column, entry, c, l, u, alpha, x):
 #     (P - G L) ds - H L dz = -2 (A z + q - w).
 #
 # The right side needs A z of the *old* iterate, so the pass that computes s+ also gives
-# Res(z). Row i is read once, and the one term that depends on row i - 1 is added last,
-# as in `relax`. Bounds are applied without branches: while the active set still
-# changes, branches would be mispredicted often. NaN passes the comparisons and reaches
-# the residual; infinite bounds are compared, never subtracted. Callers have checked
-# that every diagonal entry is stored and positive.
+# Res(z). What depends on row i - 1 is added last, as in `relax`. NaN passes the
+# comparisons and reaches the residual; infinite bounds are compared, never subtracted.
 #
 # All vectors are rows of two-dimensional arrays: `vectors` has the diagonals of Omega
 # and P^-1, q, work space, and the bounds; an iterate has s and z = clip(s).
@@ -195,8 +191,7 @@ def relax_row(i, row, column, entry, c, l, u, alpha, x):
 def sweep_csr(indptr, indices, data, vectors, G, H, old, new):
     """Write the next iterate to `new` and return Res(z) of `old`, (2, n) arrays.
 
-    A is sorted CSR without duplicates. `vectors` has the rows OMEGA to UPPER; row
-    CHANGE is overwritten. `old` and `new` must not overlap.
+    `vectors` has the rows OMEGA to UPPER; row CHANGE is overwritten.
     """
     n: cython.Py_ssize_t = old.shape[1]
     row, column = places(indptr, n + 1), places(indices, data.size)

@@ -1,10 +1,9 @@
 """The methods for LCPs by name, and the route of those that try several.
 
 "auto" solves every LCP with a P-matrix or a semidefinite matrix, as far as rounding
-allows: large sparse ones by sweeps and cycles as long as these converge fast enough,
-what is left by pivoting. Where the diagonal of A shows that it is neither, or pivoting
-makes no progress, `solve_general` goes on. No method solves every LCP: the problem is
-NP-complete (Chung, J. Optim. Theory Appl. 60, 1989, 393-399).
+allows. Where the diagonal of A shows that it is neither, or pivoting makes no progress,
+`solve_general` goes on. No method solves every LCP: the problem is NP-complete (Chung,
+J. Optim. Theory Appl. 60, 1989, 393-399).
 """
 
 from collections.abc import Callable, Collection, Iterator
@@ -56,15 +55,15 @@ class Method(NamedTuple):
 
 def solve_auto(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:
     """Solve a checked box LCP; max_iter = None is the default of each method."""
-    outcome, deadline = None, limits.deadline
+    deadline = limits.deadline
     for solve, unsettled in ways(lcp.matrix, deadline):
-        if outcome is not None and deadline.reached():
-            return outcome._replace(status=Status.TIME_LIMIT)
         outcome = solve(lcp, z0, limits)
         if outcome.status not in unsettled:
-            return outcome
+            break
+        if deadline.reached():
+            return outcome._replace(status=Status.TIME_LIMIT)
         z0 = outcome.point.z
-    raise AssertionError("pivoting suits every matrix")
+    return outcome
 
 
 def ways(matrix: Prepared, deadline: Deadline) -> Iterator[tuple[Any, ...]]:
@@ -79,7 +78,8 @@ def ways(matrix: Prepared, deadline: Deadline) -> Iterator[tuple[Any, ...]]:
     # tridiagonal one whose elimination met too many faces.
     may_be_slow = matrix.n >= LARGE_LCP or matrix.tridiagonal is not None
     if matrix.is_sparse and matrix.n > MOST_SMALL and may_be_slow:
-        yield solve_by_sweeps, (Status.STALLED, Status.MAX_ITER)
+        if matrix.dominance < np.inf:
+            yield solve_by_sweeps, (Status.STALLED, Status.MAX_ITER)
         if hierarchy_of(matrix, deadline) is not None:
             yield solve_by_multigrid, (Status.STALLED, Status.MAX_ITER)
     yield solve_by_pivoting, ()
@@ -106,7 +106,6 @@ def solve_general(
 
 
 def stages(matrix: Prepared) -> Iterator[Callable[[Search], Outcome | None]]:
-    """Yield what is tried on a general LCP: first what is likely to end it soon."""
     n = matrix.n
     yield solve_game
     lemke_is_faster = n <= LEMKE_ORDER and isinstance(matrix.compact, np.ndarray)
@@ -186,7 +185,7 @@ def solve_by_method(
 ) -> Outcome:
     """Solve an LCP as `lcp_data` returns it; the options are those of `solve_lcp`.
 
-    is_next: whether the caller has the `Prepared` matrix, for one LCP after another.
+    is_next: whether the user has the `Prepared` matrix, for one LCP after another.
     """
     found = METHODS[method]
     # A LinearOperator is the user's code: it keeps the user's number of BLAS threads.
@@ -196,17 +195,14 @@ def solve_by_method(
             z0 = vector("z0", z0, lcp.q.size, "A", lcp.A.shape, finite=True)
         elif method == "auto" and is_next:
             return solve_next(lcp, unit, limits)
-        solve = partial(found.solve, **options) if options else found.solve
+        solve = partial(found.solve, **options)
         if "eps_rel" not in found.takes:
             return solve(lcp, z0, limits)
         return solve_scaled(lcp, unit, solve, z0, limits)
 
 
 def solve_next(lcp: LCP, unit: float, limits: Limits) -> Outcome:
-    """Solve the next LCP with a `Prepared` matrix, from the face of the last one.
-
-    What is not solved from there is solved as if it were the first one.
-    """
+    """Solve the next LCP with a `Prepared` matrix, from the face of the last one."""
     matrix = lcp.matrix
     outcome = solve_scaled(lcp, unit, solve_auto, matrix.last, limits)
     undecided = outcome.status not in (Status.SOLVED, Status.TIME_LIMIT)

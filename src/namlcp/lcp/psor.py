@@ -9,11 +9,11 @@ so mu of D^(-1/2) A D^(-1/2), which does not depend on S, serves as well. Young'
     alpha = 2 / (1 + sqrt(1 - mu^2))
 
 is optimal where the rows have two colours so that none is coupled to another one of its
-colour, as those of the five-point matrix: without bounds an error then falls by the
-factor alpha - 1 a sweep, asymptotically. If one colour is relaxed after the other, it
-does so from the first sweeps on; in the natural order only after some sqrt(n) of them
-(five-point matrix + 4 I, n = 10^6: 14 sweeps to 1e-10 in place of 25). With alpha = 1
-the natural order is kept: it is the faster one where A carries errors along with it.
+colour: without bounds an error then falls by the factor alpha - 1 a sweep. If one
+colour is relaxed after the other, it does so from the first sweeps on; in the natural
+order only after some sqrt(n) of them (five-point matrix + 4 I, n = 10^6: 14 sweeps to
+1e-10 in place of 25). With alpha = 1 the natural order is kept: it is the faster one
+where A carries errors along with it.
 """
 
 import math
@@ -28,29 +28,21 @@ from namlcp.status import ENDS, Outcome, Status
 
 # Largest mu for which Young's alpha is at most 2/(1 + mu).
 YOUNG_IS_SAFE = 1.0 / math.sqrt(2.0)
-# Sweeps at most, and between two measurements of the rate.
-MOST_SWEEPS, RATE_SWEEPS = 200, 8
-# Consecutive rates that must be too slow before the method stalls if alpha > 1, as
-# over-relaxed sweeps begin slowly; otherwise one is enough.
-SLOW = 3
+# Sweeps at most, and between two measurements of the rate. Of these so many in a row
+# must be too slow if alpha > 1, as over-relaxed sweeps begin slowly; otherwise one.
+MOST_SWEEPS, RATE_SWEEPS, SLOW = 200, 8, 3
 
 
 def solve_by_sweeps(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:
-    """Solve an LCP with a csr_array by projected SOR from clip(z0).
+    """Solve an LCP with a csr_array of finite `dominance` by projected SOR.
 
-    STALLED: MOST_SWEEPS will not suffice, or a diagonal entry is not positive.
+    STALLED: MOST_SWEEPS will not suffice.
     """
     z, criterion = lcp.start(z0), Criterion(lcp, limits)
-    mu = lcp.matrix.dominance
-    if not mu < math.inf:
-        return lcp.outcome(Status.STALLED, z, lcp.w(z), 0, "psor")
     w = lcp.w(z) if z.any() else lcp.q.copy()
-    plain, scaled = criterion.residuals(z, w)
-    if z0 is None:
-        criterion.size = scaled
-    if criterion.met(plain, scaled):
+    if criterion.accepts(z, w):
         return lcp.outcome(Status.SOLVED, z, w, 0, "psor")
-    alpha = 1.0
+    alpha, mu = 1.0, lcp.matrix.dominance
     if mu < 1.0:
         young = 2.0 / (1.0 + math.sqrt(1.0 - mu * mu))
         promised = (young - 1.0) ** (MOST_SWEEPS // 2) * criterion.size

@@ -4,7 +4,7 @@ Every unknown is at its lower bound (state -1), at its upper bound (1) or free (
 "face" is the states of all. Each iteration solves the free system of one face by the
 Thomas algorithm; then every unknown with a wrong sign changes its state: for an
 M-matrix this is policy iteration. From a good start (the previous time step of an
-American option) one or two faces suffice. After `MOST_FACES` others go on.
+American option) one or two faces suffice.
 
 A segment of free unknowns begins an elimination of its own, but if A is dominant, the
 pivots equal those of A to rounding after a few rows. The pivots of A are stored, so
@@ -22,7 +22,7 @@ from cython.cimports.namlcp.measure import are_met
 from namlcp.status import Status
 
 # Violation of a sign, relative to Res(clip(0)), that counts as 0; relative difference
-# of two pivots that count as equal.
+# up to which two pivots count as equal.
 SIGN_ROUNDING, SAME_PIVOT = 1e-15, 4.0 * np.finfo(float).eps
 
 

@@ -4,10 +4,9 @@ In a cycle, projected Gauss-Seidel sweeps, forward and backward, determine the f
 F, where l < z < u, called a face here. A Krylov method, preconditioned by V-cycles
 truncated to F, solves A_FF x = -w_F roughly, or to the tolerance if F has not changed.
 Then z moves towards clip(z + x): for symmetric A to the minimum of E = z'Az / 2 + q'z
-on that segment, unless this is nearby (`SHORT_STEP`), else all the way. For symmetric
-positive definite A the sweeps and the line search decrease E, and the sweeps alone
-would converge. For other matrices convergence is not guaranteed: the best point is
-kept, and cycles that do not improve it end.
+on that segment, else all the way. For symmetric positive definite A the sweeps and the
+line search decrease E, and the sweeps alone would converge. For other matrices
+convergence is not guaranteed: the best point is kept.
 
 The start is nested iteration: each coarse level solves the LCP with P'q and the bounds
 at the coarse unknowns, from the solution of the next coarser one. Without it F would
@@ -42,16 +41,11 @@ NEW_FACE_REDUCTION, NEW_FACE_STEPS, SETTLED_FACE_STEPS, FACE_GOAL = 0.1, 12, 60,
 # For the nested start, on each coarse level: Res wanted relative to Res(clip(0)), and
 # cycles at most.
 NESTED_GOAL, NESTED_CYCLES = 1e-3, 3
-# z0 is used if Res(z0) <= WARM_RESIDUAL Res(clip(0)); after WARM_CYCLES cycles without
-# success the solve begins anew with the nested start.
-WARM_RESIDUAL, WARM_CYCLES = 1e-2, 5
+# z0 is used if Res(z0) <= WARM_RESIDUAL Res(clip(0)).
+WARM_RESIDUAL = 1e-2
 # The solve ends after so many cycles in a row on an unchanged face that leave more than
-# half of the residual. After so many without a better point a nonsymmetric solve ends,
-# and a symmetric one follows every line search from then on.
-SLOW_CYCLES, FRUITLESS_CYCLES = 2, 5
-# Step length of the line search below which the full step, which corrects the face, is
-# taken instead.
-SHORT_STEP = 0.5
+# half of the residual.
+SLOW_CYCLES = 2
 
 
 class LevelLCP:
@@ -59,7 +53,7 @@ class LevelLCP:
 
     All is in the scaling of the hierarchy; box: lower and upper. `residual`: Res.
     `free`: mask of the last face since `go_to`. `settled`: the last correction met an
-    unchanged one. `full_steps`: short line searches are replaced by full steps.
+    unchanged one.
     """
 
     def __init__(self, cycle: VCycle, k: int, q: np.ndarray, *box: np.ndarray):
@@ -72,7 +66,7 @@ class LevelLCP:
         """Begin anew from clip(z), z being overwritten."""
         self.z = np.clip(z, *self.box, out=z)
         self.free: np.ndarray | None = None
-        self.settled, self.full_steps = False, True
+        self.settled = False
         self.evaluate()
 
     def evaluate(self) -> None:
@@ -109,15 +103,12 @@ class LevelLCP:
         x -= z
         free_product(self.A, self.d, x, r)
         slope, curvature = float(w @ x), float(x @ r)
-        step = 1.0
         if self.cycle.symmetric and -slope < curvature:
             step = max(0.0, -slope / curvature)
-        if self.full_steps and step < SHORT_STEP:
-            step = 1.0
-        x *= step
+            x *= step
+            r *= step
         z += x
         np.clip(z, lower, upper, out=z)
-        r *= step
         w += r
         self.residual = natural_residual(z, w, lower, upper)
 
@@ -144,10 +135,7 @@ class LevelLCP:
 
 
 def solve_by_multigrid(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:
-    """Solve the box LCP; iterations are cycles on A itself. Raise if A does not suit.
-
-    STALLED: rounding, or no progress for nonsymmetric A.
-    """
+    """Solve the box LCP; iterations are cycles on A. Raise if A does not suit."""
     hierarchy = hierarchy_of(lcp.matrix, limits.deadline)
     if hierarchy is None:
         if not limits.deadline.reached():
@@ -206,11 +194,11 @@ class MultigridSolver:
             solved = self.is_solved()
         if solved:
             return Status.SOLVED
-        fruitless = slow = 0
+        slow = 0
         while self.done < max_cycles:
             if deadline.reached():
                 return Status.TIME_LIMIT
-            before, least = self.residual, self.least
+            before = self.residual
             self.done += 1
             top.smooth()
             solved = self.is_solved()
@@ -222,18 +210,8 @@ class MultigridSolver:
                 limits.report(self.done, self.plain, self.lcp.active(self.z))
             if solved:
                 return Status.SOLVED
-            if warm and self.done == WARM_CYCLES:
-                self.cycle.faces[0].dinv[:] = 1.0 / self.cycle.levels[0].d
-                self.cycle.follow_face(0)
-                top.nest(deadline)
-                continue
-            fruitless = 0 if self.least < least else fruitless + 1
             is_slow = top.settled and not self.residual <= 0.5 * before
             slow = slow + 1 if is_slow else 0
             if slow >= SLOW_CYCLES:
                 return Status.STALLED
-            if fruitless >= FRUITLESS_CYCLES:
-                if not self.cycle.symmetric:
-                    return Status.STALLED
-                top.full_steps = False
         return Status.MAX_ITER

@@ -1,13 +1,12 @@
 """Ruge and Stueben's hierarchy of a sparse matrix, and its V-cycles on a face.
 
 If the V(1,1)-cycle contracts too slowly, as on irregular meshes, the coarsening is
-repeated with its second pass; if that is not enough, the matrix is refused.
+repeated with its second pass.
 
-For nonsymmetric A the C/F splitting uses the strong couplings of A and of A', since
-both restriction and interpolation need coarse neighbours. With those of A alone, cycles
-on a face of a convective five-point matrix leave 70 % of the error, not 20 %. pyamg's
-compiled functions compute splitting and weights; its public functions copy every
-matrix.
+For nonsymmetric A the C/F splitting uses the strong couplings of A and of A': with
+those of A alone, cycles on a face of a convective five-point matrix leave 70 % of the
+error, not 20 %. pyamg's compiled functions compute splitting and weights; its public
+functions copy every matrix.
 
 Coarsening depends on the scaling. Matrices of differential equations, also those with
 jumping coefficients, have row sums near zero in the right scaling; by these sums A or
@@ -49,15 +48,14 @@ THETA = 0.25
 # Krylov steps at most between two computations of the residual, and computations of it
 # at most: recurrences drift away from it by rounding.
 LINEAR_STEPS, RESTARTS = 100, 3
-# Vectors kept for each level: as many as Krylov steps on it need. (Fresh memory costs
-# more than what is done with it: a third of a solve with n = 10^7.)
+# Vectors kept for each level, for Krylov steps: fresh memory costs more than what is
+# done with it, a third of a solve with n = 10^7.
 ROOM = 5
 # If the largest diagonal entry is not between this and its inverse, A is scaled.
 FAR_FROM_ONE = 1e8
-# Difference up to which two relative row sums count as equal.
-EQUAL_SUMS = 1e-12
-# Condition number from which on the coarsest matrix gets a pseudo-inverse.
-SINGULAR_CONDITION = 1e13
+# Difference up to which relative row sums count as equal; condition number from which
+# on the coarsest matrix gets a pseudo-inverse.
+EQUAL_SUMS, SINGULAR_CONDITION = 1e-12, 1e13
 
 
 class Level(NamedTuple):
@@ -80,13 +78,12 @@ class FaceOnLevel(NamedTuple):
 
     A: the matrix of the level, truncated by the faces of the finer levels. dinv (n,):
     1 / a_ii on F, 0 elsewhere. touched (n,): rows of A that differ from the matrix of
-    the level. position (n,): work of `truncate_coarse`.
+    the level.
     """
 
     A: Any
     dinv: np.ndarray
     touched: np.ndarray
-    position: np.ndarray
 
 
 class VCycle:
@@ -105,8 +102,7 @@ class VCycle:
             if self.faces:
                 parts = A.indptr, A.indices, A.data.copy()
                 A = from_arrays(parts, A.shape, sparse.csr_array)
-            marks = np.zeros(n, np.uint8), np.zeros(n, np.int32)
-            self.faces.append(FaceOnLevel(A, 1.0 / level.d, *marks))
+            self.faces.append(FaceOnLevel(A, 1.0 / level.d, np.zeros(n, np.uint8)))
             self.room.append(np.empty((ROOM, n)))
         self.invert_coarsest()
 
@@ -118,10 +114,9 @@ class VCycle:
         self.invert_coarsest()
 
     def invert_coarsest(self) -> None:
-        face = self.faces[-1]
-        free = np.flatnonzero(face.dinv)
-        self.inverse, block = np.zeros(face.A.shape), np.ix_(free, free)
-        self.inverse[block] = inverse(face.A.toarray()[block], self.symmetric)
+        A, free = self.faces[-1].A, np.flatnonzero(self.faces[-1].dinv)
+        self.inverse, block = np.zeros(A.shape), np.ix_(free, free)
+        self.inverse[block] = inverse(A.toarray()[block], self.symmetric)
 
     def solve(self, k: int, b: np.ndarray, x: np.ndarray) -> None:
         """Write the V-cycle from level k on, applied to b, to x."""
@@ -251,10 +246,10 @@ def build(A: Any, symmetric: bool, deadline: Deadline) -> Hierarchy | None:
 
 
 def scaling(A: Any) -> np.ndarray:
-    """Return the diagonal of S, the better one of I and D^-1/2.
+    """Return that diagonal of S, 1 or D^-1/2, with less |row sum| / diagonal of S A S.
 
-    Better is the smaller median of |row sum| / diagonal of S A S. If the diagonal is
-    far from 1, it is D^-1/2, since pyamg's weights are not scale invariant.
+    The median counts. D^-1/2 if the diagonal is far from 1, as pyamg's weights are not
+    scale invariant.
     """
     d = A.diagonal()
     if not d.size:

@@ -1,17 +1,13 @@
 """Compiled parts of the truncated multigrid cycle, each a pass over one level.
 
-A face F is the set of free unknowns, given by `dinv`: 1 / a_ii on F, 0 elsewhere. T is
-diagonal with T_ii = 1 on F, 0 elsewhere. The V(1,1)-cycle acts on T A T: one forward
-Gauss-Seidel sweep, the correction with the coarse matrix
-
-    A_c = P' T A T P,
-
-and one backward sweep (Ruge and Stueben, in McCormick, Multigrid Methods, SIAM 1987,
-for T = I; Kornhuber, Numer. Math. 69 (1994) 167-184, for truncation).
-Matrices are in CSR; `diagonal` holds the positions of their a_ii.
+A face F is given by `dinv`: 1 / a_ii on F, 0 elsewhere; T is diagonal, 1 on F, 0
+elsewhere. The V(1,1)-cycle acts on T A T: one forward Gauss-Seidel sweep, the
+correction with the coarse matrix A_c = P' T A T P, and one backward sweep (Kornhuber,
+Numer. Math. 69 (1994) 167-184). `diagonal` holds the positions of the a_ii.
 """
 
 import cython
+import numpy as np
 from cython.cimports.libc.math import fabs
 from cython.cimports.namlcp.linalg.csc import Columns, take_columns
 
@@ -20,14 +16,13 @@ VANISHED = 1e-13
 
 
 def rows_of(M, n):
-    """Return where the arrays of a matrix of n rows are."""
     rows = cython.declare(Columns)
     take_columns(M, n, cython.address(rows))
     return rows
 
 
 def free_product(matrix, dinv, x, y):
-    """Write y = T A x, for T = I in less than half of the time of SciPy's product."""
+    """Write y = T A x, in less than half of the time of SciPy's product."""
     n = dinv.shape[0]
     A = rows_of(matrix, n)
     with cython.nogil:
@@ -69,13 +64,10 @@ def descend(matrix, diagonal, interpolation, dinv, b, x, coarse):
 
 
 def ascend(matrix, diagonal, interpolation, dinv, b, coarse, x):
-    """Add T P coarse to x, and sweep backward on T A T x = b.
-
-    T P coarse is added to an entry of x before the first row that reads it is swept.
-    """
+    """Add T P coarse to x, and sweep backward on T A T x = b."""
     n = x.shape[0]
     A, P = rows_of(matrix, n), rows_of(interpolation, n)
-    added: cython.Py_ssize_t = n  # from here on
+    added: cython.Py_ssize_t = n  # from here on, just before they are read
     with cython.nogil:
         for i in range(n - 1, -1, -1):
             while added > A.indices[A.indptr[i]]:
@@ -98,14 +90,12 @@ def ascend(matrix, diagonal, interpolation, dinv, b, coarse, x):
 def truncate_coarse(level, face, below_level, below):
     """Recompute the rows of A_c = P' T A T P that differ from P' A P, no others.
 
-    Entries outside the pattern of P' A P are added, in modulus, to the diagonal. A
-    coarse unknown is truncated if C_j, the fine unknown it stands for, is not free, or
-    its diagonal vanishes. (Kornhuber keeps it as long as any fine unknown of column j
-    of P is free. Next to a long edge of the face these columns, cut off in the middle,
-    slow down the cycles.)
-
-    `below`, an earlier face of the coarse level, gets A_c in the pattern of P' A P, its
-    dinv and touched.
+    `below`, an earlier face, gets A_c in the pattern of P' A P, its dinv and touched.
+    Entries outside the pattern are added, in modulus, to the diagonal. A coarse unknown
+    is truncated if C_j, the fine unknown it stands for, is not free, or its diagonal
+    vanishes. (Kornhuber keeps it as long as any fine unknown of column j of P is free.
+    Next to a long edge of the face these columns, cut off in the middle, slow down the
+    cycles.)
     """
     d: cython.double[::1] = below_level.d
     C: cython.int[::1] = level.C
@@ -114,8 +104,8 @@ def truncate_coarse(level, face, below_level, below):
     truncated: cython.double[::1] = below.A.data
     coarse_dinv: cython.double[::1] = below.dinv
     touched: cython.uchar[::1] = below.touched
-    position: cython.int[::1] = below.position
     n, m = dinv.shape[0], d.shape[0]
+    position: cython.int[::1] = np.empty(m, np.int32)  # places of columns in row j
     A, P = rows_of(face.A, n), rows_of(level.P, n)
     R, coarse = rows_of(level.R, m), rows_of(below_level.A, m)
     with cython.nogil:

@@ -13,13 +13,12 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import cg, lsmr
 
-from namlcp.lcp.data import LCP, is_solved_by_zero
+from namlcp.lcp.data import LCP, Criterion, is_solved_by_zero
 from namlcp.lcp.pivoting.pivot import Code, pivot
 from namlcp.lcp.pivoting.state import Pivoting
 from namlcp.lcp.shifted import HELD, Shifted
 from namlcp.limits import Limits
 from namlcp.linalg.csc import submatrix
-from namlcp.measure import are_met, natural_residuals
 from namlcp.status import Outcome, Status
 
 # Factorisations at most, by default.
@@ -91,12 +90,12 @@ class Attempt(Pivoting):
     def outcome(self) -> Outcome:
         """Check the point that was found; where that fails, try z = clip(0)."""
         lcp, status, z = self.lcp, self.status, self.best_point()
+        criterion = Criterion(lcp, self.limits)
+        criterion.size = self.size
         with np.errstate(all="ignore"):
             w = lcp.w(z)
             if status is Status.SOLVED and self.size > 0.0:
-                root = lcp.matrix.root
-                residuals = natural_residuals(z, w, lcp.lower, lcp.upper, root)
-                if not are_met(*self.limits.tolerances, self.size, *residuals):
+                if not criterion.accepts(z, w):
                     status = Status.STALLED
         if status is Status.STALLED and is_solved_by_zero(lcp):
             z = lcp.start()

@@ -7,8 +7,8 @@ Computers Ops Res 21 (1994) 587-596); that may go round, and is then given up. T
 proximal-point loop around it regularises singular systems by rho I and refines the
 solution of the others.
 
-`solve_small` is for small dense LCPs as they come to `solve_lcp`: one call, at most.
-What is not clean, or not solved, is left to the ways that take a closer look.
+`solve_small` is for small dense LCPs as they come to `solve_lcp`. What is not clean, or
+not solved, is left to the ways that take a closer look.
 """
 
 from time import perf_counter
