@@ -42,10 +42,9 @@ from namlcp.linalg.csc import (
 )
 from namlcp.qp.problem import QP, Guess, Point, check_convex
 
-# Largest ub - lb of a fixed variable, relative to max(1, |lb|).
-FIXED = 1e-12
-# Largest relative difference between entries of two rows, one row scaled.
-SAME = 1e-13
+# Largest ub - lb of a fixed variable, relative to max(1, |lb|); largest relative
+# difference between entries of two rows, one row scaled.
+FIXED, SAME = 1e-12, 1e-13
 # The weight of column j in the key of a row is 1 plus the fractional part of j times
 # the golden ratio, which differs from that of any nearby column.
 GOLDEN = 0.6180339887498949
@@ -54,12 +53,13 @@ PIVOT = 1e-3
 # FILL, SMALL: most entries that the products a_i a_i' may add to P, for each entry of
 # the rows that they replace, and in addition. SHORT: most entries of a_i for which
 # a_i a_i' has no more than the removed row and column.
+FILL, SMALL, SHORT = 4, 1000, 2
 
 
 class Groups(NamedTuple):
     """Row i of a matrix is ratio[i] times the first row of its group, first[number[i]].
 
-    number[i] is UNWANTED or EMPTY for a row that was not wanted or is empty.
+    number[i] may be UNWANTED or EMPTY, too.
     """
 
     number: np.ndarray
@@ -116,7 +116,9 @@ class Presolved(NamedTuple):
         """
         qp, (full, y_full, z_full, _) = self.qp, self.qp.point()
         np.add.at(y_full, self.b_of, 0.5 * y / self.A_groups.ratio[self.b_of])
-        hand_on(z, self.side_of, self.G_groups.ratio, z_full)
+        has_row = self.side_of >= 0
+        rows = self.side_of[has_row]
+        z_full[rows] = z[has_row] / np.abs(self.G_groups.ratio[rows])
         if not self.fixed.size:
             return Point(x, y_full, z_full, z_box)
         full[self.kept], full[self.fixed] = x, data * self.x_fixed
@@ -129,10 +131,7 @@ class Presolved(NamedTuple):
 
 
 def presolve(qp, eps_abs, eps_rel, last=None):
-    """Return the smaller problem of a QP in CSC; reuse the matrices of `last` if equal.
-
-    The tolerances decide which constraints contradict each other.
-    """
+    """Return the smaller problem of a QP in CSC; reuse the matrices of `last` if equal."""
     _, q, _, h, _, b, lb, ub = qp
     stays = constant(q.size, True, np.bool_)
     find_fixed(lb, ub, stays)
@@ -168,26 +167,13 @@ def presolve(qp, eps_abs, eps_rel, last=None):
 
 
 def find_fixed(lb, ub, stays):
-    """Clear the marks of the columns that their bounds fix."""
     for j in range(lb.shape[0]):
         if fabs(lb[j]) < INFINITY and fabs(ub[j]) < INFINITY:
             stays[j] = not ub[j] - lb[j] <= FIXED * max(1.0, fabs(lb[j]))
 
 
-def hand_on(z, rows, ratio, full):
-    """Set the multipliers of the rows that give sides, from those of the sides."""
-    for half in range(2):
-        for k in range(rows.shape[1]):
-            i = rows[half, k]
-            if i >= 0:
-                full[i] = z[half, k] / fabs(ratio[i])
-
-
 def merged(name, groups, values, tol):
-    """Return the sides of each group of rows, the rows that give them, contradictions.
-
-    These are messages and multipliers.
-    """
+    """Return the sides of each group, the rows that give them, contradictions."""
     equal, (number, ratio, first) = name == "A", groups
     found = []
     i = wrong_empty_row(number, values, equal, tol)
@@ -231,11 +217,11 @@ def leading_rows(M, columns, wanted):
 def group_rows(indptr, indices, data, key, table, number, ratio, first):
     """Group the rows of a CSR matrix that are proportional; return how many groups.
 
-    number, ratio and first are overwritten as in `Groups`, the matrix by its leaders,
-    `key` by the bits of their keys in single precision, so that rounding errors seldom
-    change them; `table`, -1 on entry, is a hash table with open addressing. The key of
-    a row is sum |a_ij| w_ij / |first a_ij| with the weights of GOLDEN, plus 1 where the
-    signs of a_ij and of the first entry differ.
+    number, ratio and first are overwritten as in `Groups`, the matrix by its leaders;
+    `table`, -1 on entry, is a hash table with open addressing. The key of a row is sum
+    |a_ij| w_ij / |first a_ij| with the weights of GOLDEN, plus 1 where the signs of
+    a_ij and of the first entry differ; in single precision, so that rounding errors
+    seldom change it.
     """
     mask: cython.longlong = table.shape[0] - 1
     kept: cython.int = 0
@@ -305,8 +291,7 @@ def merge_rows(number, ratio, sides, equal, tol, least, giver):
     """Merge the rows of each group, c g'x <= d or = d, to -least[1] <= g'x <= least[0].
 
     `giver` takes the rows that give these sides, -1 for none. Returns the first group
-    without a point in its range, both sides widened by `tol` in the units of their
-    rows, or -1.
+    without a point in its range widened by `tol`, in the units of its rows, or -1.
     """
     count = least.shape[1]
     for half in range(2):
@@ -392,18 +377,19 @@ def substitute(qp, last=None, deadline=NEVER):
         return last._replace(user=qp)
     deadline.check(PASS * qp.A.data.size)
     n, m, p = qp.q.size, qp.h.size, qp.b.size
-    chosen, (pivot, cost, work) = np.empty(p, dtype=np.int32), np.empty((3, p))
-    find_free_columns(qp, chosen, pivot, cost, work)
-    by = (chosen >= 0).nonzero()[0]
-    if not by.size or not (qp.lb <= qp.ub).all():
+    chosen, (pivot, cost) = constant(p, -1, np.int32), np.zeros((2, p))
+    if not find_free_columns(qp, chosen, pivot, cost) or not (qp.lb <= qp.ub).all():
         return None
     deadline.check(PASS * qp.A.data.size)
-    others, columns = (chosen < 0).nonzero()[0], chosen[by]
-    pivot, cost = pivot[by], cost[by]
+    P, G, A = (without_zeros(M) for M in (qp.P, qp.G, qp.A))
+    drop_rows(A, chosen, pivot, cost)
+    by, others = (chosen >= 0).nonzero()[0], (chosen < 0).nonzero()[0]
+    if not by.size:
+        return None
+    columns, pivot, cost = chosen[by], pivot[by], cost[by]
     stays = constant(n, True, np.bool_)
     stays[columns] = False
     kept = stays.nonzero()[0]
-    P, G, A = (without_zeros(M) for M in (qp.P, qp.G, qp.A))
     rest = submatrix(A, by, kept)
     # the squares added below would hide negative curvature
     check_convex(qp.P, deadline)
@@ -418,24 +404,20 @@ def substitute(qp, last=None, deadline=NEVER):
     )  # fmt: skip
 
 
-def find_free_columns(qp, chosen, pivot, cost, largest):
-    """Choose the free columns with the largest entry in their row.
+def find_free_columns(qp, chosen, pivot, cost):
+    """Choose the free column with the largest entry in each row; tell if there is one.
 
-    Row i of A substitutes column chosen[i], none where that is -1; pivot and cost take
-    the entry and p. All these (p,) are overwritten.
+    Row i of A substitutes column chosen[i], none where that is -1.
     """
     P: Columns
     G: Columns
     A: Columns
     n: Py_ssize_t = qp.q.size
-    some: cython.bint = False
+    found: cython.bint = False
     take_columns(qp.P, n, cython.address(P))
     take_columns(qp.G, n, cython.address(G))
     take_columns(qp.A, n, cython.address(A))
     lb, ub = numbers(qp.lb, n), numbers(qp.ub, n)
-    for i in range(chosen.shape[0]):
-        chosen[i] = -1
-        pivot[i], cost[i], largest[i] = 0.0, 0.0, 0.0
     for j in range(n):
         if lb[j] > -INFINITY or ub[j] < INFINITY:
             continue
@@ -449,16 +431,8 @@ def find_free_columns(qp, chosen, pivot, cost, largest):
         if fabs(A.data[t]) > fabs(pivot[i]):
             chosen[i], pivot[i] = j, A.data[t]
             cost[i] = P.data[s] if s >= 0 else 0.0
-            some = True
-    if some:
-        for t in range(A.indptr[n]):
-            i = A.indices[t]
-            largest[i] = max(largest[i], fabs(A.data[t]))
-        for i in range(chosen.shape[0]):
-            if fabs(pivot[i]) < PIVOT * largest[i]:
-                chosen[i], cost[i] = -1, 0.0
-        drop_filling_rows(cython.address(A), n, chosen, cost)
-    return 0
+            found = True
+    return found
 
 
 def only_entry(C, j):
@@ -472,28 +446,18 @@ def only_entry(C, j):
     return found
 
 
-def drop_filling_rows(A, n, chosen, cost):
-    """If the squares of all rows with p > 0 fill P, set chosen[i] = -1 in long ones."""
-    rows = chosen.shape[0]
-    count: cython.longlong[::1] = np.zeros(rows, np.longlong)
-    lengths: cython.longlong = 0
-    squares: cython.longlong = 0
-    width: cython.longlong = 0
-    for j in range(n):
-        is_met: cython.bint = False
-        for t in range(A.indptr[j], A.indptr[j + 1]):
-            if A.data[t] != 0.0 and cost[A.indices[t]] > 0.0:
-                count[A.indices[t]] += 1
-                is_met = True
-        width += is_met
-    for i in range(rows):
-        if cost[i] > 0.0:
-            length = count[i] - 1
-            lengths += length
-            squares += length * length
-            width -= 1  # the column that goes
-    if min(squares, width * width) > FILL * lengths + SMALL:
-        for i in range(rows):
-            if count[i] - 1 > SHORT:
-                chosen[i] = -1
-    return 0
+def drop_rows(A, chosen, pivot, cost):
+    """Set chosen[i] = -1 where a_it is too small, or a_i a_i' would fill P.
+
+    A has no stored zeros.
+    """
+    largest = np.zeros(cost.size)
+    np.maximum.at(largest, A.indices, np.abs(A.data))
+    chosen[np.abs(pivot) < PIVOT * largest] = -1
+    priced = (cost > 0.0) & (chosen >= 0)
+    length = np.bincount(A.indices, minlength=cost.size) - 1
+    columns = np.repeat(np.arange(A.shape[1]), np.diff(A.indptr))
+    width = np.unique(columns[priced[A.indices]]).size - np.count_nonzero(priced)
+    squares = min((length[priced] ** 2).sum(), width**2)
+    if squares > FILL * length[priced].sum() + SMALL:
+        chosen[priced & (length > SHORT)] = -1
