@@ -14,9 +14,9 @@ the 1-norm of the multipliers. Every x that violates no constraint by more than 
 1 <= |r|_inf |x|_1 + t lam. The certificate thus excludes all x with |x|_1 below
 (1 - t lam)/|r|_inf; if r = 0, every x violates some constraint by 1/lam or more.
 
-A test is made in the user's units, then in those that equilibrate P, A and G (see
-`qp.kkt`): without them a column of tiny entries would have a tiny residual
-for any y and z, and a variable that counts in large units one for any step along it.
+A test is made in the user's units, then in those that equilibrate P, A and G: without
+them a column of tiny entries would have a tiny residual for any y and z, and a variable
+that counts in large units one for any step along it.
 """
 
 import cython
@@ -41,20 +41,16 @@ from namlcp.residuals import UNDEFINED
 VALUE_ROUNDING = 1e3 * 2.0**-52
 # A certificate with a residual, relative to its largest entry, of at most RESIDUAL must
 # exclude all x with |x|_1 up to RADIUS times max(1, |x|_1 of the current point). With a
-# residual of at most EXACT_RESIDUAL, mere rounding, it need not, but must satisfy
-# MARGIN and ROUNDED_VALUE.
-RESIDUAL, RADIUS, EXACT_RESIDUAL = 1e-8, 1e3, 1e-12
-# Largest margin of such a certificate.
-MARGIN = 0.5
-# Largest error of its value, as a part of it: a multiplier is as inexact as the
+# residual of at most EXACT_RESIDUAL, mere rounding, it need not, but must have a margin
+# of at most MARGIN.
+RESIDUAL, RADIUS, EXACT_RESIDUAL, MARGIN = 1e-8, 1e3, 1e-12, 0.5
+# Then, largest error of its value, as a part of it: a multiplier is as inexact as the
 # relative residual says, and so is each term of the sum. (Of a ray also: as inexact as
 # |M d| relative to |M| |d|.)
 ROUNDED_VALUE = 1e-2
 # Largest |M d|, relative to |M| |d| row by row, of such a ray.
 CANCELLED = 1e-10
 LARGEST = float(np.finfo(float).max)
-# Of what takes one bound or row alone.
-NO_RESIDUAL = UNDEFINED._replace(dual=0.0)
 
 
 def suffices(worst, most, error, margin, moduli, cancels):
@@ -62,8 +58,8 @@ def suffices(worst, most, error, margin, moduli, cancels):
 
     worst: its largest residual; most: its largest entry; error: the most that the
     residual may be at points of the current size; margin: the absolute tolerance times
-    the 1-norm of the multipliers, t lam, or of the ray; moduli: the sum of the moduli
-    of the terms of its value; cancels: whether a residual of rounding errors is one.
+    the 1-norm of the multipliers, t lam, or of the ray; moduli: as of `Claim`; cancels:
+    whether a residual of rounding errors is one.
     """
     relative, radius = worst / most, RADIUS * error + margin
     within: cython.bint = relative <= RESIDUAL and radius <= 1.0
@@ -292,20 +288,18 @@ def alone(qp, eps_abs, eps_rel):
     size = np.minimum(np.maximum(np.abs(qp.lb), np.abs(qp.ub)), LARGEST)
     crossed = 0.5 * qp.lb - 0.5 * qp.ub > eps_abs + eps_rel * size  # NaN for inf - inf
     wrong = (crossed | (qp.lb == np.inf) | (qp.ub == -np.inf)).nonzero()[0]
-    if not (wrong.size or empty.size):
-        return None
     proof = qp.point(np.full(qp.q.size, np.nan))
+    found = proof, UNDEFINED._replace(dual=0.0)
     for j in wrong[:1]:
         low, high = float(qp.lb[j]), float(qp.ub[j])
-        is_finite = np.isfinite((low, high)).all()
-        proof.z_box[j] = 0.5 / (0.5 * low - 0.5 * high) if is_finite else 1.0
-        if low == np.inf:
-            proof.z_box[j] = -1.0
-        sides = f"lb = {low}, ub = {high}"
-        return f"bounds of x[{j}] contradict each other: {sides}", (proof, NO_RESIDUAL)
-    i = empty[0]
-    proof.z[i] = 1.0
-    return f"row {i} of G has h = -inf", (proof, NO_RESIDUAL)
+        proof.z_box[j] = -1.0 if low == np.inf else 1.0
+        if np.isfinite((low, high)).all():
+            proof.z_box[j] = 0.5 / (0.5 * low - 0.5 * high)
+        return f"bounds of x[{j}] contradict each other: lb = {low}, ub = {high}", found
+    for i in empty[:1]:
+        proof.z[i] = 1.0
+        return f"row {i} of G has h = -inf", found
+    return None
 
 
 def largest(*vectors):
