@@ -51,10 +51,9 @@ FAR, FALL = 1e3, 0.3
 # A residual converges if an iteration reduces it to this part: then there is no test
 # for a certificate.
 CONVERGING = 0.25
-# Relative residual of a candidate for a certificate up to which it is promising, and up
-# to which it is tested. Between these, it is tested where it fell to the part AGAIN of
-# that at the last test.
-PROMISING, SMALL_RATIO, AGAIN = 0.1, 1e-4, 0.1
+# A candidate for a certificate is tested where its relative residual fell to the part
+# AGAIN of that at the last test, at first of PROMISING.
+PROMISING, AGAIN = 0.1, 0.3
 # In a projection of multipliers, the weight of the distance to the candidate, where the
 # residual has weight 1. The refinement ends at a largest residual PROJECTED, where the
 # largest multiplier is 1: a certificate needs 1e-12.
@@ -201,7 +200,7 @@ def choose_next_set(m):
 
 
 def promises(m):
-    """Set the ratios of the candidates for certificates; tell whether one is tested.
+    """Set the ratios of the candidates to test, inf of others; tell if there is one.
 
     In an infeasible (unbounded) problem the primal (dual) residual cannot vanish. While
     it is within the tolerance or falls to a quarter, no candidate is tested.
@@ -224,10 +223,10 @@ def promises(m):
     ratios[1] = ray_ratio(m) if dual else INFINITY
     found: cython.bint = False
     for k in range(2):
-        if not ratios[k] <= PROMISING:
+        if ratios[k] <= AGAIN * m.tested[k]:
+            found, m.tested[k] = True, ratios[k]
+        else:
             ratios[k] = INFINITY
-        elif ratios[k] <= SMALL_RATIO or ratios[k] <= AGAIN * m.tested[k]:
-            found = True
     return found
 
 
@@ -273,13 +272,9 @@ def find_proof(m):
         if not m.ratios[k] < INFINITY:
             continue
         verdict = Status.DUAL_INFEASIBLE if k else Status.PRIMAL_INFEASIBLE
-        if proves(m, k, candidate):
+        project = project_ray if k else project_multipliers
+        if proves(m, k, candidate) or proves(m, k, project(m, candidate)):
             return verdict
-        if m.ratios[k] <= AGAIN * m.tested[k]:
-            m.tested[k] = m.ratios[k]
-            project = project_ray if k else project_multipliers
-            if proves(m, k, project(m, candidate)):
-                return verdict
     return None
 
 
