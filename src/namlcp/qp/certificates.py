@@ -122,10 +122,10 @@ def prove_infeasible(c, x, y, z, z_box):
         if has_units:
             equilibrate_parts(cython.NULL, c.A, c.G, n, p, c.m, c.units, c.largest)
         worst, most = largest_in(s, c.units, n), largest_in(z_box, c.units, n)
-        most = max(most, largest_per(y, c.units + n, p))
-        most = max(most, largest_per(z, c.units + n + p, c.m))
+        most = max(most, norms_per(y, c.units + n, p)[0])
+        most = max(most, norms_per(z, c.units + n + p, c.m)[0])
         margin, moduli = factor * c.tol * c.lam, factor * c.moduli
-        error = max(1.0, sum_per(x, c.units, n)) * worst
+        error = max(1.0, norms_per(x, c.units, n)[1]) * worst
         if not suffices(worst, most, error, margin, moduli, True):
             return False
     return True
@@ -164,9 +164,10 @@ def prove_unbounded(c, x, y, z, d):
     cancels: cython.bint = left <= CANCELLED and left * moduli <= ROUNDED_VALUE
     units = c.units
     fill(units, 1.0, n + p + m)
-    margin = c.tol * sum_per(d, units, n)
-    of_x, of_y = max(1.0, sum_per(x, units, n)), max(1.0, sum_per(y, units, p))
-    of_z = max(1.0, sum_per(z, units, m))
+    margin = c.tol * norms_per(d, units, n)[1]
+    of_x = max(1.0, norms_per(x, units, n)[1])
+    of_y = max(1.0, norms_per(y, units, p)[1])
+    of_z = max(1.0, norms_per(z, units, m)[1])
     for has_units in range(2):
         if has_units:
             equilibrate_parts(c.P, c.A, c.G, n, p, m, units, c.largest)
@@ -174,7 +175,7 @@ def prove_unbounded(c, x, y, z, d):
         cost, equation = largest_in(r, units, n), largest_in(r + n, units + n, p)
         row = largest_in(r + n + p, units + n + p, m)
         error = cost * of_x + equation * of_y + row * of_z
-        worst, most = max(cost, max(equation, row)), largest_per(d, units, n)
+        worst, most = max(cost, max(equation, row)), norms_per(d, units, n)[0]
         if not suffices(worst, most, error, margin, moduli, cancels):
             return False
     return True
@@ -188,13 +189,6 @@ def scale(factor, v, n):
         v[i] *= factor
 
 
-def sum_per(v, units, n):
-    total = 0.0
-    for i in range(n):
-        total += fabs(v[i] / units[i])
-    return total
-
-
 def largest_in(v, units, n):
     largest = 0.0
     for i in range(n):
@@ -202,11 +196,13 @@ def largest_in(v, units, n):
     return largest
 
 
-def largest_per(v, units, n):
-    largest = 0.0
+def norms_per(v, units, n):
+    """Return the largest entry and the sum of |v_i / units_i|."""
+    largest = total = 0.0
     for i in range(n):
         largest = max(largest, fabs(v[i] / units[i]))
-    return largest
+        total += fabs(v[i] / units[i])
+    return largest, total
 
 
 def add_products(M, d, out, sizes):

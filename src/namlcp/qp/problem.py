@@ -123,13 +123,9 @@ def refuse_steep_rows(G: Any, h: np.ndarray) -> None:
 def symmetrised(P: Any, gap: float, size: float) -> Any:
     """Return (P + P') / 2; raise if gap, max |P - P'|, exceeds rounding of max |P|."""
     if gap > ASYMMETRY * size:
-        off, root = 0.5 * P - 0.5 * P.T, np.sqrt(np.abs(P.diagonal()))
-        if sp.issparse(P):
-            entries = off.tocoo()
-            off, scale = entries.data, root[entries.row] * root[entries.col]
-        else:
-            scale = np.outer(root, root)
-        if not (np.abs(off) <= 0.5 * SINGLE_ASYMMETRY * scale).all():
+        off, root = as_sparse(0.5 * P - 0.5 * P.T).tocoo(), np.sqrt(abs(P.diagonal()))
+        scale = root[off.row] * root[off.col]
+        if not (np.abs(off.data) <= 0.5 * SINGLE_ASYMMETRY * scale).all():
             raise ValueError(
                 f"P must be symmetric: max |P - P'| = {gap:.1e}; "
                 "pass (P + P.T) / 2 if that is intended"

@@ -131,7 +131,7 @@ class Presolved(NamedTuple):
 
 
 def presolve(qp, eps_abs, eps_rel, last=None):
-    """Return the smaller problem of a QP in CSC; reuse the matrices of `last` if equal."""
+    """Return the smaller problem of a QP in CSC; reuse matrices of `last` if equal."""
     _, q, _, h, _, b, lb, ub = qp
     stays = constant(q.size, True, np.bool_)
     find_fixed(lb, ub, stays)

@@ -94,7 +94,7 @@ def solve_checked(qp, options, guess, start, progress=None, memory=None, given=N
     """Solve a checked QP; `start` is the perf_counter() of the call.
 
     `progress` takes the rows; `memory` may be kept for the next problem of the same
-    pattern. `given`: P, G and A as the user stores them, in whose order sums are judged.
+    pattern; `given`: P, G and A as the user stores them, in whose order is summed.
     """
     if progress is None and options.verbose:
         progress = Progress(QP_COLUMNS, True)
