@@ -44,8 +44,7 @@ from namlcp.linalg.factors import plan_factors
 # that are not zero.
 FULL = 0.5
 # The largest |1 - largest entry| that ends the rounds: with 1e-3 there are twice as
-# many, and as many iterations; with 0.1 two problems of the Maros-Meszaros collection
-# need more restarts.
+# many, with 0.1 two problems of the Maros-Meszaros collection need more restarts.
 EQUAL = 0.03
 # Range of the products of the factors of all rounds, against over- and underflow.
 LEAST_FACTOR, MOST_FACTOR = 1e-8, 1e8
@@ -86,8 +85,7 @@ class KKT:
     def plan(self, condense=False, deadline=NEVER):
         """Return the factors, which are not computed yet if they are new.
 
-        With `condense`, K~ is definite in its first n rows and negative definite in the
-        others. Raises OutOfTime.
+        condense: whether they may be `Condensed`. Raises OutOfTime.
         """
         if self.factors is None:
             n, rows = self.n, self.size - self.n
@@ -110,7 +108,7 @@ class KKT:
 class Condensed(Factors):
     """K~ with full rows by the Cholesky factor of S = P + dx + R'R, R = D C.
 
-    D^2 = 1 / (dy, dv).
+    D^2 = 1 / (dy, dv); all of dx, dy and dv are positive.
     """
 
     def __init__(self, indptr, indices, n):
@@ -203,8 +201,7 @@ class ScaledQP:
 
     The one-sided constraints are the `finite` ones of the upper and lower sides of all
     rows, then of the upper and lower bounds. `small` is the presolved problem; the
-    scaled P, A and G are kept in `kkt` alone. The matrices of `last` are not scaled
-    again.
+    scaled P, A and G are kept in `kkt` alone.
     """
 
     def __init__(self, small, last=None):

@@ -41,10 +41,9 @@ from namlcp.linalg.csc import (
 )
 from namlcp.qp.problem import QP, Guess, Point, check_convex
 
-# Largest ub - lb of a fixed variable, relative to max(1, |lb|).
-FIXED = 1e-12
-# Largest relative difference between entries of two rows, one row scaled.
-SAME = 1e-13
+# Largest ub - lb of a fixed variable, relative to max(1, |lb|); largest relative
+# difference between entries of two rows, one row scaled.
+FIXED, SAME = 1e-12, 1e-13
 # The weight of column j in the key of a row is 1 plus the fractional part of j times
 # the golden ratio, which differs from that of any nearby column.
 GOLDEN = 0.6180339887498949
@@ -127,10 +126,7 @@ class Presolved(NamedTuple):
 
 
 def presolve(qp, eps_abs, eps_rel, last=None):
-    """Return the smaller problem of a QP in CSC; reuse the matrices of `last` if equal.
-
-    The tolerances decide which constraints contradict each other.
-    """
+    """Return the smaller problem of a QP in CSC; reuse matrices of `last` if equal."""
     _, q, _, h, _, b, lb, ub = qp
     stays = constant(q.size, True, np.bool_)
     find_fixed(lb, ub, stays.view(np.int8))
