@@ -4,6 +4,9 @@ cdef enum:
     # Values of `Groups.number` for a row that is not wanted, and for an empty one.
     UNWANTED = -2
     EMPTY = -1
+    FILL = 4
+    SMALL = 1000
+    SHORT = 2
     NO_ENTRY = -1
     SEVERAL = -2
 
