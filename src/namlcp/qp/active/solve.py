@@ -373,14 +373,6 @@ def solve(m: ActiveSet, vectors, settings: Settings, until):
     return m.code
 
 
-def step(m: ActiveSet, kind, vectors, problem, settings: Settings, start):
-    """Do `solve`; return the result of a class, None where it is not DONE."""
-    until = start + settings.time_limit
-    if solve(m, vectors, settings, until) != DONE:
-        return None
-    return result_of(m, kind, problem, start, start)
-
-
 def updated(vectors, parts: tuple, sizes: tuple):
     """Return a copy of vectors, see `QP.joined`, with those parts that are not None.
 
