@@ -267,10 +267,11 @@ class Solver(metaclass=Public):
                 if self.is_renewed:  # not before: a pause goes on with other values
                     self.is_renewed = False
                     active.renew(m, self.qp)
-                problem = self.matrices, self.vectors, self.given
-                result = active.step(
-                    m, QPResult, self.vectors, problem, options.settings, start
-                )
+                until = start + options.time_limit
+                code = active.solve(m, self.vectors, options.settings, until)
+                if code == Code.DONE:
+                    problem = self.matrices, self.vectors, self.given
+                    result = active.result_of(m, QPResult, problem, start, start)
                 if result is None or not self.is_own:
                     result = self.judged(start)
                 elif not derivative:

@@ -246,7 +246,7 @@ class DenseActiveSet(ActiveSet):
         set_multipliers_of(self, self.multiplier)
 
     def set_point_values(self):
-        """Set G x, on the face, where `set_multipliers` has set the rest."""
+        """Set G x: on the face `set_multipliers` has set the rest."""
         if not self.on_face:
             ActiveSet.set_point_values(self)
             return
@@ -280,10 +280,9 @@ def is_sound(m):
     for i in range(m.p):
         fine = fine and dot(m.A + i * n, m.A + i * n, n) < INFINITY
     for i in range(n):
-        for j in range(i):
+        for j in range(i + 1):
             if P[i * n + j] != P[j * n + i] or not fabs(P[i * n + j]) < INFINITY:
                 return False
-        fine = fine and fabs(P[i * n + i]) < INFINITY
     return fine
 
 
@@ -457,10 +456,7 @@ def proved(m, found):
 
 
 def contradicts_equations(m):
-    """Tell whether the solution of the other equations violates a dependent one.
-
-    y is the candidate then.
-    """
+    """Tell whether a dependent equation contradicts others, by the candidate y then."""
     x = m.s + m.m
     at: Py_ssize_t = -1
     worst: cython.double = CONTRADICTED

@@ -43,10 +43,8 @@ cdef class ActiveSet(Watched):
         # 1 at h or ub, -1 at lb, 0 if not active.
         Py_ssize_t *active, *side
         double *multiplier, *triangle
-        # Active rows; rows of a hint, in the place of active ones until the next solve;
-        # whether mu and s are not those of the rows; whether no other solve follows.
-        readonly Py_ssize_t k, hints
-        bint changed, is_single
+        # Active rows; rows of a hint, in the place of active ones until the next solve.
+        Py_ssize_t k, hints
         # L^-1 w_F and solutions with S, or Givens rotations.
         double *coefficient, *ratio
         # Responses, the place of each row's (-1: none), the row of each place.
@@ -59,26 +57,23 @@ cdef class ActiveSet(Watched):
         double *weight, *shape, *reach, *centre, *Palong
         # rho in W, 0 without W; what it is to be over that of the data, 0 for W only
         # where P has no good factor, NO_WEIGHT for never; the largest diagonal entry of P.
-        readonly double rho
-        public double wanted
-        double largest
-        # Whether the point is on the face of `dense`, whose operators hold active rows.
-        bint on_face
+        double rho, wanted, largest
         # The row that enters (-1: none) and its side, its multiplier so far.
-        Py_ssize_t entering, entering_side
-        readonly Py_ssize_t pivots, max_iter
+        Py_ssize_t entering, entering_side, pivots, max_iter
         double own
         # The violation over its terms that counts as rounding; curvature of a row of norm
         # 1 up to which the equations fix it; `size_of` s0, 0 on the face of `dense`.
         double level, least_curvature, base_size
-        readonly double operations, most_operations
-        double eps_abs, eps_rel
+        double operations, most_operations, eps_abs, eps_rel
+        # Whether mu and s are not those of the rows; no other solve follows; the point is
+        # on the face of `dense`; what depends on the matrices is there.
+        bint changed, is_single, on_face
+        readonly bint is_ready
         Numbers found
-        readonly bint is_ready  # what depends on the matrices is there
         char *memory
         size_t memory_end
         # What keeps the arrays behind the pointers alive; the point that was made last.
-        readonly object matrices, vectors, point
+        object matrices, vectors, point
         readonly int code
 
     cdef void lay_out(self) noexcept nogil

@@ -149,12 +149,8 @@ class ActiveSet(Watched):
                 for row in range(self.rows):
                     if self.side[row] != 0:
                         rest = rest_of(self, row)
-                        append_to_triangle(
-                            self.triangle, self.k, self.coefficient, sqrt(rest)
-                        )
+                        self.append(row, self.side[row], 0.0, rest)
                         fine = fine and rest > 0.0
-                        self.active[self.k] = row
-                        self.k += 1
             self.set_multipliers()
             self.set_point_values()
         self.changed = not fine
@@ -187,11 +183,10 @@ def lay_out_rows(m):
     places = MOST_NUMBERS // max(length, 1)
     m.most = most = max(min(m.most, min(rows, places)), 0)
     m.capacity = min(rows, max(most + 4, places))
-    size = most * (most + 1) // 2
     m.s0, m.s, m.direction = reals(m, length), reals(m, length), reals(m, length)
     m.change, m.scale, m.side = reals(m, length), reals(m, rows), indices(m, rows)
     m.active, m.multiplier = indices(m, most + 1), reals(m, most + 1)
-    m.triangle = reals(m, size)
+    m.triangle = reals(m, most * (most + 1) // 2)
     m.coefficient, m.ratio = reals(m, most + 1), reals(m, most + 1)
     m.place, m.owner = indices(m, rows), indices(m, m.capacity)
     m.Px, m.Gx, m.Ax = reals(m, n), reals(m, m.m), reals(m, p)

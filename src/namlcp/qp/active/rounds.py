@@ -46,20 +46,17 @@ from cython.cimports.libc.math import INFINITY, exp, fabs, floor, log, sqrt
 from namlcp import checks
 
 # A point is refined until its residuals over the moduli of their terms are at most
-# ACCURATE, and within tolerance by ROUNDING of these moduli.
-ACCURATE, ROUNDING = 1e-12, 4e-15
-# The factor by which each of the CORRECTIONS has to lower the error.
-GAIN = 0.5
+# ACCURATE, and within tolerance by ROUNDING of these moduli; each of the CORRECTIONS
+# has to lower them by the factor GAIN.
+ACCURATE, ROUNDING, GAIN = 1e-12, 4e-15, 0.5
 # In place of 0 where a size is divided by; what is infinite beside sides of about 1.
 LEAST_DIVISOR, INFINITE = checks.LEAST_DIVISOR, checks.INFINITE
 # rho over that power of 16, if no other is asked for; m.wanted without any weight.
 RHO, NO_WEIGHT = 1e-4, -1.0
 # Diagonal entry of P, over the largest one, up to which it counts as 0.
 LEAST_SHAPE = 1e-36
-# The curvature is between this number and its inverse.
-LEAST_CURVATURE = 1e-100
-# PASSES on a face end at the relative residual EXACT, and at GOOD if one gains less than
-# a factor of 2.
+# PASSES on a face end at the relative residual EXACT, or at GOOD where one gains less
+# than a factor of 2.
 EXACT, GOOD = 1e-15, 1e-10
 # Curvature over that of D up to which there is none, and the residual at which a
 # direction without it is one of rounding errors.
@@ -77,9 +74,9 @@ LEAST_GROWTH = 1e-11
 
 
 def is_fit(m):
-    """Begin a solve; False where a number is not fit for it, or no factor is good.
+    """Begin a solve; False where no factor is good, or a number is not fit for it.
 
-    That is two sides that are opposed, or what is NaN, infinite or huge.
+    That is one that is NaN, infinite or huge, or a side opposed to the other.
     """
     m.pivots = 0
     fine: cython.bint = True
@@ -119,10 +116,10 @@ def solve_at_hand(m):
 
 
 def solve_by_rounds(m):
-    """Solve a QP with W; after UNBOUNDED z_box has a ray.
+    """Solve a QP with W; with UNBOUNDED z_box is a ray.
 
-    First on the active rows of the last QP, or a hint: the rounds would come to those
-    of the QP with the proximal term before.
+    First on the active rows of the last QP, or a hint, which the proximal term would
+    leave for others: in sequences that takes half of the time.
     """
     found = STUCK
     m.level = ROUND_ROUNDING
@@ -285,8 +282,7 @@ def judge(m):
 def descend(m):
     """Minimise the cost on the face of the active rows, and judge the point.
 
-    STUCK where another row is met or it is no solution. After UNBOUNDED z_box has a
-    ray.
+    STUCK where another row is met or it is no solution; with UNBOUNDED z_box is a ray.
     """
     before, best, dx = 0.0, INFINITY, m.change + m.m
     m.set_multipliers()
@@ -424,10 +420,7 @@ def is_ray(m):
 
 
 def refine_contradiction(m):
-    """Refine y and z, multipliers of active rows, or of the one that enters.
-
-    They contradict the rows: G'z + A'y = 0 off bounds. P does not matter here.
-    """
+    """Refine y and z, which contradict the rows: G'z + A'y = 0 off bounds."""
     for _ in range(REFINEMENTS):
         m.set_products(False)
         for j in range(m.n):
@@ -482,6 +475,5 @@ def wanted_rho(m):
     tau = largest / exp(total / max(count, 1))
     if m.largest > 0.0 or not tau > 0.0:
         tau = max(1.0, tau)
-    tau = min(max(tau, LEAST_CURVATURE), 1.0 / LEAST_CURVATURE)
     factor = m.wanted if m.wanted > 0.0 else RHO
     return factor * 16.0 ** floor(log(tau) / log(16.0))

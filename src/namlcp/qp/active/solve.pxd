@@ -27,7 +27,7 @@ cdef double FEW_OPERATIONS, PASSES, OF_COST, OF_ROWS, ACTIVE, MOST_ANEW
 cdef Py_ssize_t filled(const double* values, Py_ssize_t count) noexcept nogil
 cdef void take_settings(ActiveSet m, Settings settings, double until)
 cdef int run(ActiveSet m) except -1
-cdef object result_of(ActiveSet m, object kind, object problem, double start, double ready)
+cpdef object result_of(ActiveSet m, object kind, object problem, double start, double ready)
 cdef Py_ssize_t height_of(object C, object d, Py_ssize_t n)
 cpdef int attach(DenseActiveSet m, object P, object G, object A, bint is_single) except -1
 cdef object small_form(object C)

@@ -338,14 +338,11 @@ def is_met(side, value):
 
 
 def suggest_solution(m, point):
-    """Begin with the rows that have multipliers in a solution; False if it is none.
-
-    With no rows where it has no point, or a certificate.
-    """
+    """Begin with the rows that have multipliers in a solution; False if it is none."""
     x, y = getattr(point, "x", m), getattr(point, "y", m)
     z, z_box = getattr(point, "z", m), getattr(point, "z_box", m)
     if x is None or y is None or z is None or z_box is None:
-        return True
+        return True  # it has no point: begin with no rows, as with a certificate
     if is_vector(z_box, 0):  # without bounds
         z_box = np.zeros(m.n)
     if not (is_vector(x, m.n) and is_vector(y, m.p)):
@@ -373,19 +370,10 @@ def solve(m: ActiveSet, vectors, settings: Settings, until):
     return m.code
 
 
-def step(m: ActiveSet, kind, vectors, problem, settings: Settings, start):
-    """Do `solve`; return the result of a class, None where it is not DONE."""
-    until = start + settings.time_limit
-    if solve(m, vectors, settings, until) != DONE:
-        return None
-    return result_of(m, kind, problem, start, start)
-
-
 def updated(vectors, parts: tuple, sizes: tuple):
     """Return a copy of vectors, see `QP.joined`, with those parts that are not None.
 
-    None where one of these is no clean array of its size, or has a number that takes a
-    closer look.
+    None where one of these takes a closer look.
     """
     total = cnp.PyArray_SIZE(vectors)
     made = new_vector(total)
@@ -446,13 +434,10 @@ def solve_items(
 
 
 def factors_of(m: DenseActiveSet):
-    """Return what derivatives can use of the last solve, None if there is nothing.
-
-    That is a copy, unless nobody will solve with m any more.
-    """
+    """Return what derivatives can use of the last solve, None if there is nothing."""
     if m.rho != 0.0 or m.face_is_kept:
         return None
-    if m.is_single:
+    if m.is_single:  # nobody will solve with m any more
         return m
     other: DenseActiveSet = DenseActiveSet.__new__(DenseActiveSet)
     P, G, A = m.matrices

@@ -19,7 +19,7 @@ cdef class SparseActiveSet(ActiveSet):
         SparseFactors factors
         # Passes of refinement of a solve with K; operations of making a response.
         Py_ssize_t passes
-        readonly double response_operations
+        double response_operations
         # Units of (x, y) in which K is equilibrated; the diagonal of P; a residual.
         double *unit, *cost, *rest
 
