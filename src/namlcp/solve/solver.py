@@ -3,9 +3,9 @@
 The active-set method of `qp/active` is tried first: it keeps what it computes, and
 begins with the active constraints of the last solution. What it does not decide goes
 the way of `solve_qp`, with the last point that solved the problem and what depends on
-the matrices alone (`Memory`). An answer SOLVED has been judged on the data as they are
-now, so it stands; any other is replaced by that of a solve without memory, which is the
-one of `solve_qp`.
+the matrices alone (`Memory`). A solution or certificate has been judged on the data as
+they are now, so it stands; any other answer is replaced by that of a solve without
+memory, which is the one of `solve_qp`.
 """
 
 from math import inf
@@ -307,8 +307,7 @@ class Solver(metaclass=Public):
         if guess is None:
             guess = make_guess(qp, None, self.last)
         answer = solve_checked(qp, options, guess, start, None, self.memory, given)
-        is_settled = answer.status in (SOLVED, Status.TIME_LIMIT)
-        if not is_settled and answer.closest is None:
+        if answer.status not in ENDS:
             answer = solve_checked(qp, options, NO_GUESS, start, given=given)
         if self.active_set is not None and answer.status is SOLVED:
             active.suggest(self.active_set, make_guess(qp, None, answer.point))
