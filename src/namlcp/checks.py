@@ -200,8 +200,7 @@ def sparse_matrix(name: str, value: Any, layout: str) -> Any:
 @functools.lru_cache(maxsize=16)
 def no_rows(n: int) -> sp.csc_array:
     """Return the (0, n) matrix of absent constraints, which is shared: read only."""
-    indptr = np.zeros(n + 1, dtype=np.int32)
-    return sp.csc_array((np.empty(0), np.empty(0, np.int32), indptr), shape=(0, n))
+    return sp.csc_array((0, n))
 
 
 def matrix(name: str, value: Any, layout: str) -> Any:
