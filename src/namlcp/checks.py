@@ -177,15 +177,21 @@ def sparse_matrix(name: str, value: Any, layout: str) -> Any:
         raise TypeError(f"{name} must hold real numbers, got dtype {value.dtype}")
     refuse_size(name, max(*value.shape, value.nnz))
     wrap = sp.csr_array if layout == "csr" else sp.csc_array
-    if order == Order.CANONICAL and value.format != "bsr":
+    if places is not None and value.format != "bsr":
         indptr, indices = places
         indices, data = (first(v, indptr[-1]) for v in (indices, value.data))
         parts: Any = indptr, indices, clean_copy(data)
-        if value.format != layout:
-            parts = transposed(*parts, value.shape[layout == "csc"])
-        elif all(map(operator.is_, parts, (value.indptr, value.indices, value.data))):
+        own = value.indptr, value.indices, value.data
+        is_sorted = order == Order.CANONICAL
+        turns = 2 * (not is_sorted) if value.format == layout else 1
+        if turns == 0 and all(map(operator.is_, parts, own)):
             return value  # SciPy takes 13 us to make another
-        return from_arrays(parts, value.shape, wrap)
+        minor, major = value.shape if value.format == "csc" else value.shape[::-1]
+        for _ in range(turns):  # each sorts, in the other layout
+            parts = transposed(*parts, minor)
+            minor, major = major, minor
+        if is_sorted or index_order(*parts[:2], major, minor) == Order.CANONICAL:
+            return from_arrays(parts, value.shape, wrap)
     value = wrap(value.reshape(1, -1) if value.ndim == 1 else value, copy=True)
     value.sum_duplicates()
     return sparse_matrix(name, value, layout)
@@ -194,8 +200,7 @@ def sparse_matrix(name: str, value: Any, layout: str) -> Any:
 @functools.lru_cache(maxsize=16)
 def no_rows(n: int) -> sp.csc_array:
     """Return the (0, n) matrix of absent constraints, which is shared: read only."""
-    indptr = np.zeros(n + 1, dtype=np.int32)
-    return sp.csc_array((np.empty(0), np.empty(0, np.int32), indptr), shape=(0, n))
+    return sp.csc_array((0, n))
 
 
 def matrix(name: str, value: Any, layout: str) -> Any:

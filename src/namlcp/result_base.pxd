@@ -27,7 +27,4 @@ cdef class LCPResultBase:
         public object kept
 
 
-cdef object NOTHING
-
-cdef object residuals_of(Numbers numbers)
 cdef object made(object kind)

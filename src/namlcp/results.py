@@ -21,7 +21,7 @@ from namlcp.derivatives.lcp import LCPDerivative
 from namlcp.derivatives.qp import BatchDerivative, ClosestDerivative, QPDerivative
 from namlcp.lcp.data import LCP, Prepared
 from namlcp.linalg.csc import times
-from namlcp.qp.batch import STATUSES, Items
+from namlcp.qp.batch import CHANGED, STATUSES, Items
 from namlcp.qp.closest import Nearest
 from namlcp.qp.intake import qp_data
 from namlcp.qp.problem import QP, Point
@@ -32,10 +32,6 @@ from namlcp.status import OBJECTIVE, Outcome, Status
 LOST = (
     "derivatives need the result of the solve itself: a pickled or copied one has lost "
     "the problem"
-)
-CHANGED = (
-    "derivatives need the arrays as they were when the problem was solved: one has "
-    "been changed in place since (pass a copy to the solve)"
 )
 Array = TypeVar("Array")
 # What results keep for their derivatives; most entries of an array printed in full.
@@ -629,8 +625,7 @@ class BatchResult(metaclass=Public):
         """
         if self.problem is None:
             raise ValueError(LOST)
-        if not self.problem.are_unchanged(slice(None)):
-            raise ValueError(CHANGED)
+        self.problem.refuse_changes(slice(None))
         points = Point(self.x, self.y, self.z, self.z_box)
         derivative = BatchDerivative(self.problem, points, self.solved, threads)
         return derivative.backward(dx, dy, dz, dz_box)
@@ -671,7 +666,7 @@ class BatchResult(metaclass=Public):
             form=str(self.form[i]),
             message=self.messages.get(number, ""),
             closest=self.closest.get(number),
-            problem=self.problem and partial(unchanged_item, self.problem, number),
+            problem=self.problem and partial(self.problem.item, number),
         )
 
 
@@ -688,13 +683,6 @@ class QPSolution(NamedTuple, Generic[Array]):
     z: Array
     z_box: Array
     solved: Array
-
-
-def unchanged_item(items: Items, i: int) -> Any:
-    """Return item i of a batch; raise ValueError if its arrays have changed."""
-    if not items.are_unchanged(slice(i, i + 1)):
-        raise ValueError(CHANGED)
-    return items.item(i)
 
 
 def qp_result(

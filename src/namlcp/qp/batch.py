@@ -30,6 +30,10 @@ from namlcp.qp.route import Memory, solve_checked
 from namlcp.residuals import UNDEFINED, Residuals
 from namlcp.status import OBJECTIVE, Outcome, Status
 
+CHANGED = (
+    "derivatives need the arrays as they were when the problem was solved: one has "
+    "been changed in place since (pass a copy to the solve)"
+)
 STATUSES = tuple(Status)
 MATRICES = ("P", "G", "A")
 # The matrix that has as many rows as a vector has entries.
@@ -114,15 +118,16 @@ class Items:
         if "P" not in self.stacked:
             check_convex(self.shared.P)
 
-    def are_unchanged(self, items: slice) -> bool:
-        """Tell whether the numbers of these items are as they were at the beginning."""
+    def refuse_changes(self, items: slice) -> None:
+        """Raise ValueError unless the numbers of these items are as they were."""
         parts, old = (v[items] for v in self.stacked.values()), self.stamps[items]
-        return self.shared_stamp == stamp_of(self.shared) and bool(
-            (stamps_of_items(tuple(parts), old.size) == old).all()
-        )
+        stamps = stamps_of_items(tuple(parts), old.size)
+        if self.shared_stamp != stamp_of(self.shared) or (stamps != old).any():
+            raise ValueError(CHANGED)
 
     def item(self, i: int) -> tuple[QP, tuple[Any, ...]]:
         """Return item i, checked, and (P, G, A) as they were given."""
+        self.refuse_changes(slice(i, i + 1))
         parts = {name: array[i] for name, array in self.stacked.items()}
         qp = qp_data(**{**self.shared._asdict(), **parts})
         pairs = zip(MATRICES, self.given, strict=True)

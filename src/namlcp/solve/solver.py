@@ -3,9 +3,9 @@
 The active-set method of `qp/active` is tried first: it keeps what it computes, and
 begins with the active constraints of the last solution. What it does not decide goes
 the way of `solve_qp`, with the last point that solved the problem and what depends on
-the matrices alone (`Memory`). An answer SOLVED has been judged on the data as they are
-now, so it stands; any other is replaced by that of a solve without memory, which is the
-one of `solve_qp`.
+the matrices alone (`Memory`). A solution or certificate has been judged on the data as
+they are now, so it stands; any other answer is replaced by that of a solve without
+memory, which is the one of `solve_qp`.
 """
 
 from math import inf
@@ -210,8 +210,10 @@ class Solver(metaclass=Public):
             return
         qp = qp_data(*self.qp._replace(**new))
         if not qp.is_dense:  # P + P' is stored without zeros
-            qp = qp._replace(P=within_pattern(qp.P, kept["P"]))
-        self.memory.ensure_convex(qp.P)
+            qp = qp._replace(P=within_pattern("P", qp.P, kept["P"]))
+        if "P" in new:
+            check_convex(qp.P)
+        self.memory.convex = qp.P
         self.hold_matrices(qp, tuple(given.values()))
         self.is_renewed = True
         if self.active_set is not None:
@@ -308,8 +310,7 @@ class Solver(metaclass=Public):
         if guess is None:
             guess = make_guess(qp, None, self.last)
         answer = solve_checked(qp, options, guess, start, None, self.memory, given)
-        is_settled = answer.status in (SOLVED, Status.TIME_LIMIT)
-        if not is_settled and answer.closest is None:
+        if answer.status not in ENDS:
             answer = solve_checked(qp, options, NO_GUESS, start, given=given)
         if self.active_set is not None and answer.status is SOLVED:
             active.suggest(self.active_set, make_guess(qp, None, answer.point))
@@ -358,34 +359,26 @@ def in_place_of(name: str, value: Any, kept: Any) -> Any:
         )
     if type(kept) is np.ndarray:
         return new if type(new) is np.ndarray else as_dense(new)
-    found = within_pattern(as_sparse(new), kept)
-    if found is None:
+    return within_pattern(name, as_sparse(new), kept)
+
+
+def within_pattern(name: str, new: Any, kept: Any) -> Any:
+    """Return a matrix with the pattern of `kept` and the entries of `new`, both CSC.
+
+    It is `new` itself where the patterns are equal.
+    """
+    if has_pattern_of(new, kept):
+        return new
+    wanted, present = (  # row + rows * column of each entry: both ascend
+        C.indices + C.shape[0] * np.repeat(np.arange(C.shape[1]), np.diff(C.indptr))
+        for C in (kept, new)
+    )
+    inside = np.isin(present, wanted)
+    if new.data[~inside].any():
         raise OtherShape(
             f"{name} must have no entries outside the pattern of the first {name}: "
             "make a new Solver, or store zeros there from the start"
         )
-    return found
-
-
-def within_pattern(new: Any, kept: Any) -> Any:
-    """Return a matrix with the pattern of `kept` and the entries of `new`, both CSC.
-
-    It is `new` itself where the patterns are equal, and None where `new` has an entry
-    outside the pattern.
-    """
-    if has_pattern_of(new, kept):
-        return new
-    wanted, present = places(kept), places(new)
-    inside = np.isin(present, wanted)
-    if new.data[~inside].any():
-        return None
     data = np.zeros(kept.data.size)
-    data[np.isin(wanted, present)] = new.data[inside]  # both ascend
+    data[np.isin(wanted, present)] = new.data[inside]
     return from_arrays((kept.indptr, kept.indices, data), kept.shape)
-
-
-def places(C: Any) -> np.ndarray:
-    """Return row + rows * column for each entry of a CSC matrix, which ascends."""
-    rows, columns = C.shape
-    column = np.repeat(np.arange(columns), np.diff(C.indptr))
-    return C.indices + rows * column
