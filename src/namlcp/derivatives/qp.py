@@ -414,25 +414,21 @@ class ClosestDerivative:
 
         point = self.second.point
         x, y, z, _ = point
-        u = -second.q
-        stages = (
-            (face.spread(y, z), u, lam),
-            (face.spread(self.first.point.y, 0.0 * z), -first.q[: u.size], mu),
-        )
+        forces = face.spread(y, z), face.spread(self.first.point.y, 0.0 * z)
+        of_q = np.array((second.q, first.q[: x.size]))
         vectors = second.q, g_h, g_b, lb, ub
 
         def matrix(name: str) -> Any:
-            """Return the gradient in P; in C it is -sum(v u' + lam x')."""
+            """Return the gradient in P; in C it is the sum of v g_q' - lam x'."""
             if name == "P":
                 return matrix_gradient(self.given, vectors, point, name)
             part = 0 if name == "G" else -1
-            terms = (
-                (face.rows.parts(v)[part], u, face.rows.parts(lam)[part], x)
-                for v, u, lam in stages
+            v, slopes = (
+                np.array([face.rows.parts(w)[part] for w in pair])
+                for pair in (forces, (lam, mu))
             )
-            v, u, lam, w = map(np.array, zip(*terms, strict=True))
             pattern = self.given["PGA".index(name)]
-            return rank_two_on(pattern, -v, u, -lam, w)
+            return rank_two_on(pattern, v, of_q, -slopes, np.array((x, x)))
 
         return QPGradients(*vectors, second.weak, first.singular, matrix)
 
