@@ -70,7 +70,6 @@ class NAM(QpSolver):
     }
 
     def name(self) -> str:
-        """Return the name by which CVXPY knows the solver."""
         return KEYWORD
 
     def import_solver(self) -> None:
@@ -185,7 +184,6 @@ def arguments(data: dict[str, Any]) -> tuple[Any, ...]:
 def solver_of(
     data: dict[str, Any], known: Solver | QPResult
 ) -> tuple[Solver, QPResult | None]:
-    """Return a Solver with CVXPY's data, `known` where it fits, and a start if any."""
     whole = P, q, G, h, A, b, _, _ = arguments(data)
     sizes = q.size, h.size, b.size
     if isinstance(known, QPResult):

@@ -140,7 +140,6 @@ class QPDerivative:
         return np.concatenate(rows) if self.qp.is_dense else vstack(rows, "csc")
 
     def factored(self, held: np.ndarray) -> "KKTFactors":
-        """Return the factors of K for held constraints."""
         P, C = as_sparse(self.qp.P), as_sparse(self.C)
         at = np.flatnonzero(held[: C.shape[0]])
         free = np.flatnonzero(held[C.shape[0] :] == 0)
@@ -386,7 +385,6 @@ class ClosestDerivative:
     def __init__(
         self, problem: tuple[QP, Any], face: Face, easier: QP, point: Point
     ) -> None:
-        """`problem`: the QP with P, G and A as given; the others: stage 2."""
         self.face, (self.qp, self.given) = face, problem
         self.first = QPDerivative(*face.least_shifts(point.x))
         self.second = QPDerivative(easier, point)
