@@ -20,9 +20,8 @@ from cvxpy.reductions.solvers.utilities import extract_dual_value, get_dual_valu
 
 import namlcp
 from namlcp.options import Options
-from namlcp.qp.problem import NO_GUESS, QP, NotConvex
-from namlcp.qp.route import solve_checked
-from namlcp.results import ClosestPoint, QPResult, qp_result
+from namlcp.qp.problem import NotConvex
+from namlcp.results import ClosestPoint, QPResult
 from namlcp.solve.qp import solve_arguments
 from namlcp.solve.solver import OtherShape, Solver
 from namlcp.status import Status
@@ -71,7 +70,6 @@ class NAM(QpSolver):
     }
 
     def name(self) -> str:
-        """Return the name by which CVXPY knows the solver."""
         return KEYWORD
 
     def import_solver(self) -> None:
@@ -106,17 +104,16 @@ class NAM(QpSolver):
         try:
             known = cache.get(KEYWORD) if warm_start else None
             if known is None:
-                whole = *arguments(data), None, None
-                cache[KEYWORD] = result = solve_arguments(whole, options, start)
-                qp = result.problem[0]
+                result = cache[KEYWORD] = solve_arguments(
+                    arguments(data), options, start
+                )
             else:
                 solver, last = solver_of(data, known)
                 solver.options = options
                 cache[KEYWORD] = solver
                 result = solver.solve(warm_start=last)
-                qp = solver.qp
             if result.status is Status.DUAL_INFEASIBLE:
-                result = infeasible_or(result, qp, options, start)
+                result = infeasible_or(result, data, options, start)
         except NotConvex as error:
             raise SolverError(str(error)) from error
         except Exception as error:
@@ -171,7 +168,7 @@ class NAM(QpSolver):
 
 
 def arguments(data: dict[str, Any]) -> tuple[Any, ...]:
-    """Return P, q, G, h, A, b of CVXPY's data.
+    """Return P, q, G, h, A, b, lb, ub of CVXPY's data.
 
     An equality with an infinite side, which CVXPY lets pass, becomes a'x <= -inf.
     """
@@ -181,14 +178,13 @@ def arguments(data: dict[str, Any]) -> tuple[Any, ...]:
         F = sp.vstack((F, A[infinite]))
         g = np.append(g, np.full(infinite.sum(), -np.inf))
         A, b = A[~infinite], b[~infinite]
-    return P, q, F, g, A, b
+    return P, q, F, g, A, b, None, None
 
 
 def solver_of(
     data: dict[str, Any], known: Solver | QPResult
 ) -> tuple[Solver, QPResult | None]:
-    """Return a Solver with CVXPY's data, `known` where it fits, and a start if any."""
-    whole = P, q, G, h, A, b = arguments(data)
+    whole = P, q, G, h, A, b, _, _ = arguments(data)
     sizes = q.size, h.size, b.size
     if isinstance(known, QPResult):
         fits = sizes == (known.x.size, known.z.size, known.y.size)
@@ -201,18 +197,16 @@ def solver_of(
 
 
 def infeasible_or(
-    unbounded: QPResult, qp: QP, options: Options, start: float
+    unbounded: QPResult, data: dict[str, Any], options: Options, start: float
 ) -> QPResult:
     """Return a proof that no x is feasible if one is found, else `unbounded`.
 
     CVXPY's "unbounded" says that some x is feasible, which a ray does not prove.
     """
-    flat = qp._replace(P=0.0 * qp.P, q=0.0 * qp.q)
+    P, q, *rows = arguments(data)
     proof_alone = replace(options, infeasible="certificate")
-    answer = solve_checked(flat, proof_alone, NO_GUESS, start)
-    if answer.status is not Status.PRIMAL_INFEASIBLE:
-        return unbounded
-    return qp_result(answer, (flat, (None, None, None)), start, start)
+    flat = solve_arguments((0.0 * P, 0.0 * q, *rows), proof_alone, start)
+    return flat if flat.status is Status.PRIMAL_INFEASIBLE else unbounded
 
 
 def register() -> None:

@@ -53,7 +53,6 @@ class NAM(SolverInterface):
     supports_quad_obj = True
 
     def setup(self, context: Any) -> None:
-        """Read the patterns of a layer's problem."""
         dims = context.cone_dims
         cones = [name for name in OTHER_CONES if np.size(getattr(dims, name, 0) or ())]
         if cones:

@@ -126,14 +126,12 @@ def solution(settings: tuple[Any, ...], data: tuple[jax.Array, ...]) -> Any:
 
 @solution.defjvp
 def with_derivative(settings: Any, primals: Any, tangents: Any) -> Any:
-    """Return the solution, and its derivative along a direction of the data."""
     found = solution(settings, *primals)
     return found, derivative(found, *primals, *tangents)
 
 
 @jax.jit
 def derivative(found: Any, data: Any, changes: Any) -> tuple[jax.Array, ...]:
-    """Return the changes of what `solution` has found for changes of the data."""
     solved = found[4] == 1.0
     # where nothing is solved, NaN must not meet the derivatives, not even times 0
     x, y, z = (jnp.where(solved, v, 0.0) for v in found[:3])

@@ -86,7 +86,6 @@ class Solve(torch.autograd.Function):
 
     @staticmethod
     def setup_context(ctx: Any, inputs: Any, output: Any) -> None:
-        """Keep the stack, which factors when it is first differentiated."""
         ctx.stack = output[-1]
         ctx.kinds = [kind_of(part) for part in inputs[1:]]
         ctx.mark_non_differentiable(output[-2])
@@ -94,7 +93,6 @@ class Solve(torch.autograd.Function):
     @staticmethod
     @torch.autograd.function.once_differentiable
     def backward(ctx: Any, *cotangents: Any) -> tuple[Any, ...]:
-        """Return the gradients in the arguments that need one."""
         solution = [array_of(v) for v in cotangents[:4]]
         gradients = ctx.stack.backward(solution, ctx.needs_input_grad[1:])
         pairs = zip(gradients, ctx.kinds, strict=True)
@@ -103,13 +101,11 @@ class Solve(torch.autograd.Function):
 
     @staticmethod
     def jvp(ctx: Any, _: Any, *tangents: Any) -> tuple[Any, ...]:
-        """Return the derivatives along a direction of the arguments."""
         changes = ctx.stack.forward([array_of(v) for v in tangents])
         return *(torch.tensor(v, **ctx.kinds[1]) for v in changes), None, None
 
 
 def array_of(tensor: torch.Tensor | None) -> np.ndarray | None:
-    """Return a copy of a tensor as an array of float64."""
     if tensor is None:
         return None
     return tensor.detach().to("cpu", torch.float64, copy=True).numpy()

@@ -35,7 +35,6 @@ class QPTangent(NamedTuple):
 
 
 def formed(name: str) -> Any:
-    """Return the attribute that is the gradient in a matrix of this name."""
     found = cached_property(lambda gradients: gradients.matrix(name))
     found.__doc__ = f"The gradient in {name}."
     return found

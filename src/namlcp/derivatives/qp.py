@@ -140,7 +140,6 @@ class QPDerivative:
         return np.concatenate(rows) if self.qp.is_dense else vstack(rows, "csc")
 
     def factored(self, held: np.ndarray) -> "KKTFactors":
-        """Return the factors of K for held constraints."""
         P, C = as_sparse(self.qp.P), as_sparse(self.C)
         at = np.flatnonzero(held[: C.shape[0]])
         free = np.flatnonzero(held[C.shape[0] :] == 0)
@@ -386,7 +385,6 @@ class ClosestDerivative:
     def __init__(
         self, qp: QP, given: Any, face: Face, easier: QP, point: Point
     ) -> None:
-        """Factor; `given`: P, G and A as they came; after the face: stage 2."""
         self.qp, self.given, self.face = qp, given, face
         self.first = QPDerivative(*face.least_shifts(point.x))
         self.second = QPDerivative(easier, point)
@@ -414,25 +412,21 @@ class ClosestDerivative:
 
         point = self.second.point
         x, y, z, _ = point
-        u = -second.q
-        stages = (
-            (face.spread(y, z), u, lam),
-            (face.spread(self.first.point.y, 0.0 * z), -first.q[: u.size], mu),
-        )
+        forces = face.spread(y, z), face.spread(self.first.point.y, 0.0 * z)
+        of_q = np.array((second.q, first.q[: x.size]))
         vectors = second.q, g_h, g_b, lb, ub
 
         def matrix(name: str) -> Any:
-            """Return the gradient in P; in C it is -sum(v u' + lam x')."""
+            """Return the gradient in P; in C it is the sum of v g_q' - lam x'."""
             if name == "P":
                 return matrix_gradient(self.given, vectors, point, name)
             part = 0 if name == "G" else -1
-            terms = (
-                (face.rows.parts(v)[part], u, face.rows.parts(lam)[part], x)
-                for v, u, lam in stages
+            v, slopes = (
+                np.array([face.rows.parts(w)[part] for w in pair])
+                for pair in (forces, (lam, mu))
             )
-            v, u, lam, w = map(np.array, zip(*terms, strict=True))
             pattern = self.given["PGA".index(name)]
-            return rank_two_on(pattern, -v, u, -lam, w)
+            return rank_two_on(pattern, v, of_q, -slopes, np.array((x, x)))
 
         return QPGradients(*vectors, second.weak, first.singular, matrix)
 
