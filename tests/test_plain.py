@@ -99,7 +99,7 @@ def test_pointers_are_checked():
 def declared(header):
     """Yield of each function its kind, cdef or cpdef, its name and parameters."""
     for indent, kind, name, rest in FUNCTION.findall(header.read_text()):
-        yield indent + kind, name, re.findall(r"(\w+) *(?:,|$)", rest.strip())
+        yield indent + kind, name, re.findall(r"(\w+)(?:=\*)? *(?:,|$)", rest.strip())
 
 
 METHODS = {

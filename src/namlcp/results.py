@@ -20,11 +20,11 @@ from namlcp.derivatives.lcp import LCPDerivative
 from namlcp.derivatives.qp import BatchDerivative, ClosestDerivative, QPDerivative
 from namlcp.lcp.data import LCP
 from namlcp.lcp.prepared import Prepared
-from namlcp.linalg.arrays import stamp_of_arrays
+from namlcp.linalg.arrays import stamp_of
 from namlcp.linalg.csc import times
 from namlcp.qp.batch import STATUSES, Items
 from namlcp.qp.closest import Nearest
-from namlcp.qp.intake import qp_data, stamp_of
+from namlcp.qp.intake import qp_data
 from namlcp.qp.problem import QP, Point
 from namlcp.residuals import Residuals
 from namlcp.result_base import LCPResultBase, ResultBase
@@ -261,7 +261,7 @@ class LCPResult(Single, LCPResultBase):
         """The fixed unknowns and the factors of `backward` and `forward`."""
         base: Any = self  # its other attributes are those of compiled code
         lcp, given = problem_of(self)
-        now = stamp_of_arrays(lcp[1:], lcp.matrix.stamp_now())
+        now = stamp_of(lcp[1:], lcp.matrix.stamp_now())
         if base.stamp not in (None, now):
             raise ValueError(CHANGED)
         if base.kept is None:
@@ -790,7 +790,7 @@ def lcp_result(
         message=outcome.message,
         history=history,
         problem=problem,
-        stamp=stamp_of_arrays(lcp[1:], lcp.matrix.stamp),
+        stamp=stamp_of(lcp[1:], lcp.matrix.stamp),
     )
 
 

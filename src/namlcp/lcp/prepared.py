@@ -16,7 +16,7 @@ from namlcp.checks import (
 from namlcp.entries import transposed
 from namlcp.lcp.loops import row_sums, two_colours
 from namlcp.lcp.tridiagonal import read_rows
-from namlcp.linalg.arrays import stamp_of_arrays
+from namlcp.linalg.arrays import stamp_of
 from namlcp.linalg.csc import arrays_of
 from namlcp.linalg.factors import is_symmetric
 
@@ -119,7 +119,7 @@ class Prepared:
 
     def stamp_now(self) -> int:
         values = self.A.data if self.is_sparse else self.A
-        return stamp_of_arrays((values,)) if type(values) is np.ndarray else 0
+        return stamp_of((values,)) if type(values) is np.ndarray else 0
 
     @cached_property
     def is_general(self) -> bool:

@@ -91,15 +91,16 @@ def _entries(array, kind, size):
 # ---- hashes, to notice arrays that were changed in place
 
 
-def stamp_of_arrays(arrays, total: cython.ulonglong = 0):
-    """Return the hash of contiguous float64 arrays, one after another.
+def stamp_of(parts, total=0):
+    """Return a hash of a tuple of clean arrays; of sparse matrices, without places.
 
-    total: that of those before them.
+    None has no part in it; `total` is the hash of what comes before. Two QPs of one
+    stamp are the same but for a rare chance.
     """
-    for array in arrays:
-        own: cnp.ndarray = array
-        values = cython.cast(cython.p_double, cnp.PyArray_DATA(own))
-        total = hash_of(values, cnp.PyArray_SIZE(own), total)
+    for part in cython.cast(tuple, parts):
+        if part is not None:
+            array: cnp.ndarray = part if cnp.PyArray_CheckExact(part) else part.data
+            total = hash_of(data_of(array), cnp.PyArray_SIZE(array), total)
     return total
 
 
@@ -108,9 +109,7 @@ def stamps_of_items(arrays, size: Py_ssize_t):
     stamps = np.zeros(size, np.uint64)
     total = cython.cast(cython.p_ulonglong, cnp.PyArray_DATA(stamps))
     for array in arrays:
-        own: cnp.ndarray = array
-        values = cython.cast(cython.p_double, cnp.PyArray_DATA(own))
-        width = cnp.PyArray_SIZE(own) // max(size, 1)
+        width = cnp.PyArray_SIZE(array) // max(size, 1)
         for i in range(size):
-            total[i] = hash_of(values + i * width, width, total[i])
+            total[i] = hash_of(data_of(array) + i * width, width, total[i])
     return stamps

@@ -18,13 +18,13 @@ import numpy as np
 import scipy.sparse as sp
 
 from namlcp.checks import real_array
-from namlcp.linalg.arrays import stamps_of_items
+from namlcp.linalg.arrays import stamp_of, stamps_of_items
 from namlcp.linalg.threads import blas_threads
 from namlcp.options import Options
 from namlcp.qp.active import solve as active
 from namlcp.qp.active.dense import DenseActiveSet
 from namlcp.qp.active.engine import Code
-from namlcp.qp.intake import qp_data, stamp_of
+from namlcp.qp.intake import qp_data
 from namlcp.qp.problem import QP, Point, check_convex, make_guess
 from namlcp.qp.route import Memory, solve_checked
 from namlcp.residuals import UNDEFINED, Residuals

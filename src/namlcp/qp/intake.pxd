@@ -1,7 +1,6 @@
 cdef double INFINITE
 
 cpdef object qp_data(object P, object q, object G, object h, object A, object b, object lb, object ub)
-cpdef unsigned long long stamp_of(object parts)
 cdef object shortened(object M)
 cdef bint is_clean(object P, object q, object G, object h, object A, object b, object lb, object ub) except -1
 cdef Py_ssize_t rows_of(object M, Py_ssize_t n, bint is_dense) except -2

@@ -15,7 +15,6 @@ from cython.cimports.namlcp.entries import (
     sparse_asymmetry,
 )
 from cython.cimports.namlcp.linalg.arrays import are_long, are_places, data_of, fits
-from cython.cimports.namlcp.linalg.vectors import hash_of
 from scipy.sparse import csc_array, csc_matrix
 
 from namlcp import checks
@@ -45,20 +44,6 @@ def qp_data(P, q, G, h, A, b, lb, ub):
     qp = qp_arrays(P, q, G, h, A, b, lb, ub)
     P, q, G, h, A, b, lb, ub = qp
     return qp if is_clean(P, q, G, h, A, b, lb, ub) else repaired(qp)
-
-
-def stamp_of(parts):
-    """Return a hash of the numbers of a QP, of sparse matrices without their places.
-
-    parts: a QP, or the clean arguments of one. Two of one stamp are the same but for a
-    rare chance.
-    """
-    total = cython.cast(cython.ulonglong, 0)
-    for part in cython.cast(tuple, parts):
-        if part is not None:
-            array: cnp.ndarray = part if cnp.PyArray_CheckExact(part) else part.data
-            total = hash_of(data_of(array), cnp.PyArray_SIZE(array), total)
-    return total
 
 
 def shortened(M):

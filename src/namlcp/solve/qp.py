@@ -3,11 +3,12 @@
 from time import perf_counter
 from typing import Any
 
+from namlcp.linalg.arrays import stamp_of
 from namlcp.options import DEFAULT_OPTIONS, Options, check_count, check_flag
 from namlcp.progress import QP_COLUMNS, Progress
 from namlcp.qp.active.solve import solve_small
 from namlcp.qp.batch import Items, available_cores, solve_items
-from namlcp.qp.intake import qp_data, stamp_of
+from namlcp.qp.intake import qp_data
 from namlcp.qp.problem import QP, check_warm_start, make_guess
 from namlcp.qp.route import solve_checked
 from namlcp.results import BatchResult, QPResult, batch_result, qp_result

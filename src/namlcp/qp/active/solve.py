@@ -22,6 +22,7 @@ from cython.cimports.namlcp.linalg.arrays import (
     new_vector,
     new_zeros,
     places,
+    stamp_of,
 )
 from cython.cimports.namlcp.linalg.vectors import copy, dot, fill
 from cython.cimports.namlcp.qp.active.dense import DenseActiveSet
@@ -37,7 +38,7 @@ from cython.cimports.namlcp.qp.active.engine import (
 from cython.cimports.namlcp.qp.active.null import NullSpace
 from cython.cimports.namlcp.qp.active.rounds import NO_WEIGHT
 from cython.cimports.namlcp.qp.active.sparse import SparseActiveSet
-from cython.cimports.namlcp.qp.intake import is_finite, is_side, stamp_of
+from cython.cimports.namlcp.qp.intake import is_finite, is_side
 from cython.cimports.namlcp.result_base import Numbers, ResultBase, made
 from scipy.sparse import csc_array, csc_matrix
 
