@@ -9,9 +9,8 @@ triangles of two updates, of K and of K', both sides are computed alike:
 
     K_below -= L D U_below'    and, the sides exchanged,    K'_below -= U' D L_below'.
 
-Pivots are taken from the diagonal in the order given, which suits quasi-definite
-matrices (see `sparse_ldl`); for others, those of `lcp.general.cones`, measurements
-alone justify it.
+Pivots are taken from the diagonal in the order given, which for the matrices of
+`lcp.general.cones`, not quasi-definite, measurements alone justify.
 
 Updates are kept on two stacks that grow towards each other, one for supernodes of even
 depth, one for odd depth: so those of the children are at the end of the one while that
