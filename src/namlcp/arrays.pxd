@@ -21,6 +21,7 @@ cdef double* numbers(object array, Py_ssize_t size) except NULL
 cdef int* places(object array, Py_ssize_t size) except NULL
 cdef Py_ssize_t* indices(object array, Py_ssize_t size) except NULL
 cdef signed char* signs(object array, Py_ssize_t size) except NULL
+cpdef unsigned long long stamp_of(object parts, unsigned long long total=*)
 cdef void* _entries(object array, int kind, Py_ssize_t size) except NULL
 cpdef unsigned long long stamp_of(object parts, unsigned long long total=*)
 cpdef tuple dense_asymmetry(const double[:, ::1] P)

@@ -25,7 +25,6 @@ MOST_DENSE, STRIP = 20_000_000, 1_000_000
 
 
 def arrays_of(M):
-    """Return (indptr, indices, data)."""
     return M.indptr, M.indices, M.data
 
 

@@ -1,20 +1,17 @@
 """Symbolic analysis for a sparse factorisation: order, elimination tree, supernodes.
 
-Of a symmetric matrix, in CSC, only the upper triangle is read. The order is by
-approximate minimum degree, or METIS's nested dissection. The parent of a column of L in
-the elimination tree is the row of its first entry below the diagonal; below that row,
-the pattern of a column is a subset of its parent's. Columns of L with nearly the same
-pattern form a *supernode*, a dense block for BLAS. Tree and counts: J. Liu, SIAM J.
-Matrix Anal. Appl. 11 (1990) 134-172; supernodes are relaxed as in CHOLMOD (Chen, Davis,
-Hager, Rajamanickam, ACM Trans. Math. Softw. 35, 2008).
+Of a symmetric matrix, in CSC, only the upper triangle is read. The parent of a column
+of L in the elimination tree is the row of its first entry below the diagonal; below
+that row, the pattern of a column is a subset of its parent's. Columns of L with nearly
+the same pattern form a *supernode*, a dense block for BLAS. Tree and counts: J. Liu,
+SIAM J. Matrix Anal. Appl. 11 (1990) 134-172; supernodes are relaxed as in CHOLMOD
+(Chen, Davis, Hager, Rajamanickam, ACM Trans. Math. Softw. 35, 2008).
 
-Minimum degree: eliminating a variable joins all its neighbours. The graph is kept as a
-quotient graph: an eliminated variable, now an *element*, stands for the clique of its
-neighbours, and a variable beside several elements is beside all their variables.
-Degrees are bounded from above by sums over elements. Variables with the same neighbours
-become one *supervariable*, whose degree leaves itself out. After P. Amestoy, T. Davis
-and I. Duff, SIAM J. Matrix Anal. Appl. 17 (1996) 886-905, with their aggressive
-absorption: an element whose variables all belong to the new one is dropped.
+Minimum degree, after P. Amestoy, T. Davis and I. Duff, SIAM J. Matrix Anal. Appl. 17
+(1996) 886-905: an eliminated variable, now an *element*, stands for the clique of its
+neighbours. Degrees are bounded from above by sums over elements. Variables with the
+same neighbours become one *supervariable*, whose degree leaves itself out. An element
+whose variables all belong to the new one is dropped (aggressive absorption).
 
 Rows beside many others, *hubs*, would be looked at whenever one of those is eliminated.
 They are ordered last. Fill then is nearly that of an order of all rows, if a variable
@@ -100,10 +97,7 @@ def minimum_degree(indptr, indices, deadline=NEVER):
 
 
 def order_by_degree(indptr, indices, size, place, watch):
-    """Set the places of all rows.
-
-    False where there is not enough memory, or the watch, if not None, says to stop.
-    """
+    """Set all places; False without memory, or if the watch, unless None, says so."""
     quotient: Quotient
     g = cython.address(quotient)
     longs = cython.cast(cython.p_Py_ssize_t, malloc((3 * 8 + 10 * 4) * (size + 1)))
@@ -235,7 +229,6 @@ def remove(g, i, d):
 
 
 def reserve(g, pivot):
-    """Make room in `adjacent` for the element of the pivot."""
     begin = g.start[pivot]
     most: Py_ssize_t = g.length[pivot]
     for p in range(begin, begin + g.elements[pivot]):
@@ -250,10 +243,9 @@ def reserve(g, pivot):
 
 
 def form_element(g, pivot):
-    """Append to `adjacent` all variables beside the pivot.
+    """Append to `adjacent` all variables beside the pivot, with weights negated.
 
-    Their weights become negative, they leave their lists, and the elements beside the
-    pivot are absorbed. start[pivot] and degree[pivot] become those of the element.
+    start[pivot] and degree[pivot] become those of the element.
     """
     start, length, weight = g.start, g.length, g.weight
     adjacent, end = g.adjacent, g.end
@@ -348,10 +340,7 @@ def append(g, j, i):
 
 
 def merge_alike(g, begin):
-    """Merge variables of the new element that have the same neighbours.
-
-    Only those with the same key are compared. All marks are below `tag`.
-    """
+    """Merge variables of the new element, of one key, that have the same neighbours."""
     start, length, after = g.start, g.length, g.after
     mark, adjacent, tag = g.mark, g.adjacent, g.tag
     for p in range(begin, g.end):
@@ -388,10 +377,7 @@ def merge_alike(g, begin):
 
 
 def link_all(g, pivot, left):
-    """Return the variables of the new element to the lists; the least degree.
-
-    `left` rows are not eliminated yet. `adjacent` then ends with supervariables.
-    """
+    """Return the variables of the new element to the lists; the least degree."""
     weight, degree, adjacent = g.weight, g.degree, g.adjacent
     begin = g.start[pivot]
     lowest = g.size

@@ -3,8 +3,7 @@
 The threads of OpenBLAS wait for each other in every small factorisation: if another
 process occupies the core of one, a solve takes many times as long. On an idle machine a
 second thread saves 5 to 15 % of the time of dense QPs with 600 to 1800 variables and
-rows, and nothing for smaller ones or dense LCPs. In a large sparse QP the `fronts` have
-the threads that are asked for, each with a BLAS of one.
+rows. In a large sparse QP the `fronts` have the threads, each with a BLAS of one.
 
 The setting belongs to the process. Of solves that run at once in several threads of
 Python, the last to end restores the setting that the first one found.

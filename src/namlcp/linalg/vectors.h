@@ -18,23 +18,19 @@
 #if defined(__GNUC__)
 typedef double lanes __attribute__((vector_size(32), aligned(8)));
 #define ZERO {0}
-#define GET(name, p) lanes name = *(const lanes *)(p)
 #define ADD(s, a, b) s += (a) * (b)
 #define JOIN(s, t) s += t
-#else
-typedef struct { double v[4]; } lanes;
-#define ZERO {{0, 0, 0, 0}}
-#define GET(name, p) lanes name = *(const lanes *)(p)
-#define ADD(s, a, b) do { for (int l = 0; l < 4; l++) s.v[l] += a.v[l] * b.v[l]; } while (0)
-#define JOIN(s, t) do { for (int l = 0; l < 4; l++) s.v[l] += t.v[l]; } while (0)
-#endif
-#if defined(__GNUC__)
 #define SUM(s) ((s[0] + s[1]) + (s[2] + s[3]))
 #define RESTRICT __restrict__
 #else
+typedef struct { double v[4]; } lanes;
+#define ZERO {{0, 0, 0, 0}}
+#define ADD(s, a, b) do { for (int l = 0; l < 4; l++) s.v[l] += a.v[l] * b.v[l]; } while (0)
+#define JOIN(s, t) do { for (int l = 0; l < 4; l++) s.v[l] += t.v[l]; } while (0)
 #define SUM(s) ((s.v[0] + s.v[1]) + (s.v[2] + s.v[3]))
 #define RESTRICT __restrict
 #endif
+#define GET(name, p) lanes name = *(const lanes *)(p)
 
 HOT double long_dot(const double *a, const double *b, ptrdiff_t n) {
     lanes s = ZERO, t = ZERO;
