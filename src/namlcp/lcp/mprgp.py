@@ -5,11 +5,10 @@ If A is positive semidefinite, the LCP is the optimality condition of
     minimise f(z) = 1/2 z'A z + q'z  subject to  l <= z <= u.
 
 The method works on the problem scaled to a unit diagonal (Jacobi preconditioning), y =
-D^(1/2) z, D = diag(A), with the gradient g. Its
-free gradient phi is g at the free variables, l < y < u, and 0 elsewhere; its chopped
-gradient beta is g at the active variables whose bound -g leaves, and 0 elsewhere. Each
-iteration takes one of these steps (Dostal 2009, algorithm 5.8, with phi in place of the
-reduced free gradient):
+D^(1/2) z, D = diag(A), with the gradient g. Its free gradient phi is g at the free
+variables, l < y < u, and 0 elsewhere; its chopped gradient beta is g at the active
+variables whose bound -g leaves, and 0 elsewhere. Each iteration takes one of these
+steps (Dostal 2009, algorithm 5.8, with phi in place of the reduced free gradient):
 
 - if beta'beta <= phi'phi, a conjugate gradient step in the free variables; if that is
   infeasible, its projection where this decreases f enough (Kruzik, Horak, Cermak,
@@ -55,10 +54,7 @@ TOO_FAR = 1e6
 
 
 def solve_by_products(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:
-    """Solve a box LCP with a symmetric A, an `Operator` with A.diagonal() >= 0.
-
-    SOLVED is returned only if the criterion accepts a recomputed gradient.
-    """
+    """Return SOLVED only if the criterion accepts a recomputed gradient."""
     with np.errstate(all="ignore"):  # the code tests for infinities and NaN
         z, criterion = lcp.start(z0), Criterion(lcp, limits)
         if z0 is not None:
@@ -66,15 +62,13 @@ def solve_by_products(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcom
             if not there <= TOO_FAR * criterion.size:
                 z = lcp.start()
         descent = Descent(lcp, z)
-        best, least = z, math.inf
-        missed = math.inf
+        best, least, missed = z, math.inf, math.inf
         status: Status | None = None
         k = misses = 0
         while status is None and math.isfinite(descent.size):
             z, w = descent.point()
             if limits.report is not None:
-                active = int(np.count_nonzero(~descent.free))
-                limits.report(k, lcp.residual(z, w), active)
+                limits.report(k, lcp.residual(z, w), lcp.active(z))
             accepted = criterion.accepts(z, w)
             if descent.size < least or accepted:
                 best, least = z, descent.size
@@ -133,7 +127,6 @@ class Descent:
         return (self.lcp.A @ (x / self.root)) / self.root
 
     def go(self, y: np.ndarray, g: np.ndarray | None = None) -> None:
-        """Go to y, restart the conjugate gradients; g: the gradient, if it is known."""
         if g is None:
             g = self.product(y) + self.q
         self.p: np.ndarray | None = None  # next conjugate direction; None: phi
@@ -143,7 +136,7 @@ class Descent:
         self.size = natural_residual(y, g, self.lower, self.upper)
 
     def limit(self, p: np.ndarray) -> float:
-        """Return the largest feasible step along -p."""
+        # the largest feasible step along -p
         moves = p != 0.0
         bound = np.where(p > 0.0, self.lower, self.upper)
         return float(np.min((self.y - bound)[moves] / p[moves], initial=math.inf))

@@ -22,8 +22,8 @@ remain of d + 1, and the fill of the factors falls to 2/5 in the plane, to 1/20 
 eight directions. The determinant of M + D has the sign of that which remains, as C and
 all d are > 0.
 
-The contacts are found in the matrix: a speed is an unknown with a diagonal entry 0,
-whose column has d entries v_j > 0, and whose row has -v_j there and one entry more.
+A speed is an unknown with a diagonal entry 0, whose column has d entries v_j > 0, and
+whose row has -v_j there and one entry more.
 """
 
 from typing import Any

@@ -147,8 +147,7 @@ def follow(
     return lcp.outcome(status, z, w, count, "lemke", ray=ray)
 
 
-def last_largest(x: np.ndarray) -> int:
-    # the last of several, as the lexicographic order has it
+def last_largest(x: np.ndarray) -> int:  # as the lexicographic order has it
     return int(x.size - 1 - np.argmax(x[::-1]))
 
 

@@ -20,8 +20,8 @@ from namlcp.status import Outcome, Status
 # Res of the scaled problem, relative to max |q_i|, at which a path ends; the largest
 # one from which the exact solution is sought, and again on the way where it has fallen
 # to the part AGAIN of that there; that of a point which is exact, whatever the
-# tolerances say. A path that has solved the problem, not exactly, has LEFT steps more.
-TARGET, CLOSE, AGAIN, EXACT, LEFT = 1e-9, 1e-4, 0.01, 1e-12, 30
+# tolerances say.
+TARGET, CLOSE, AGAIN, EXACT = 1e-9, 1e-4, 0.01, 1e-12
 # Factorisations at most, by default: beyond those of earlier methods.
 FACTORISATIONS = 5000
 
@@ -96,14 +96,13 @@ class Search(Criterion):
         The exact solution is sought on the way as well: the end of a path may wind, or
         be lost in rounding, where the face has long been found.
         """
-        model, least, aim, left = self.model, math.inf, CLOSE, LEFT
+        model, least, aim = self.model, math.inf, CLOSE
         best = np.zeros(model.c.size)
         for p in points:
             found = model.residual(p, model.F(p))
             if found < least:
                 least, best = found, p
-            left -= self.solved
-            if least <= TARGET or left == 0 or self.over():
+            if least <= TARGET or self.solved or self.over():
                 break
             if found <= aim:
                 aim = AGAIN * found
