@@ -11,11 +11,10 @@ and fail in that of the user's own. Where that matters the order is the user's.
 
 Rounding errors of a multiplier near 1e7, about 1e-9, make a dual residual that may
 exceed its tolerance; large terms of the duality gap leave a gap. `corrections` remove
-both by small changes of unknowns whose own residuals are below tolerance: the dual
-residual by z_box where a bound allows the sign, else by x; the gap by x, then by
-multipliers. With terms of 1e12 the gap is a multiple of 1e-4, and passes 1e-9 only as
-0. Changes of x that would remove it without rounding make it another multiple, mostly a
-smaller one.
+both by small changes: the dual residual by z_box where a bound allows the sign, else by
+x; the gap by x, then by multipliers. With terms of 1e12 the gap is a multiple of 1e-4,
+and passes 1e-9 only as 0. Changes of x that would remove it without rounding make it
+another multiple, mostly a smaller one.
 """
 
 import numpy as np
@@ -50,9 +49,8 @@ PASSES, MOVES = 3, 16
 # the second where x takes them up. The first pair leaves room for the gap, the second
 # changes x less.
 SHARES = (0.5, 0.0), (0.95, 0.95)
-# Largest ratio of a residual to its tolerance that is corrected: a larger one is not
-# due to rounding alone. A gap or a primal residual is also corrected up to so many
-# units in the last place of its largest term.
+# Largest ratio of a residual to its tolerance that may be due to rounding alone; of a
+# gap or a primal residual also so many units in the last place of its largest term.
 CORRECTABLE, LAST_PLACES = 1e3, 256.0
 # Rounding unit times the largest term of a residual, relative to the tolerance, below
 # which rounding has no part in a residual above it: another iteration removes it.
@@ -66,8 +64,8 @@ class Judge:
 
     `given`: P, G and A as the user stores them, each None where absent; None where
     these are the matrices of the QP. `doubt`: asked once, with the judge, whether the
-    QP is infeasible; None if nobody is, or has been. `proof`: a certificate that was
-    accepted: status, point, residuals. `offered`: the residuals of the last point.
+    QP is infeasible. `proof`: a certificate that was accepted: status, point,
+    residuals. `offered`: the residuals of the last point.
     """
 
     def __init__(self, qp, limits, given=None, doubt=None):
@@ -86,7 +84,7 @@ class Judge:
     def offer(self, point):
         """Measure the point on its bounds, or within them, or with rounding corrected.
 
-        Returns the least of their largest residuals over tolerances.
+        Returns the least ratio.
         """
         least, z = INFINITY, np.maximum(point.z, 0.0)
         for moves in (True, False):
@@ -107,18 +105,16 @@ class Judge:
         return least
 
     def misses_gap(self):
-        """Tell whether the gap alone of the last point offered misses its tolerance."""
         return self.ratio(self.offered._replace(gap=0.0)) <= 1.0
 
-    def measure(self, point, residuals=None):
-        """Return the residuals of a point, if they are not given; keep the best one."""
-        residuals = residuals or self.residuals_of(point)
+    def measure(self, point):
+        """Return the residuals of a point; keep the best one."""
+        residuals = self.residuals_of(point)
         ratio = self.ratio(residuals)
-        if self.given is not None and ratio <= 1.0:
-            if self.ratio_in_other_order(residuals, point, 1.0) > 1.0:
-                self.take_order_of_user()
-                residuals = self.residuals_of(point)
-                ratio = self.ratio(residuals)
+        is_doubtful = self.given is not None and ratio <= 1.0
+        if is_doubtful and self.ratio_in_other_order(residuals, point, 1.0) > 1.0:
+            self.take_order_of_user()
+            return self.measure(point)
         if ratio < self.best:
             self.best, self.residuals, self.point = ratio, residuals, point
         return residuals
@@ -133,10 +129,7 @@ class Judge:
         return Residuals(*residuals_of_columns(self.qp, point))
 
     def ratio_in_other_order(self, residuals, point, sign):
-        """Return the largest residual over its tolerance after another order of sums.
-
-        sign: 1.0 for the most that it may be, -1.0 for the least.
-        """
+        """Return the ratio in another order of sums, at most (1) or at least (-1)."""
         P, G, A = (norm(M) for M in (self.checked.P, self.checked.G, self.checked.A))
         x, y, z = map(norm, point[:3])
         pairs = zip(residuals[:3], rounding_errors(P, G, A, x, y, z), strict=True)
@@ -146,7 +139,10 @@ class Judge:
     def take_order_of_user(self):
         """Measure from now on in the order in which the user's matrices are stored."""
         own = self.qp.P, self.qp.G, self.qp.A
-        P, G, A = map(as_stored, self.given, own)
+        P, G, A = (
+            mine if M is None else M if sp.issparse(M) else np.array(M, float, ndmin=2)
+            for M, mine in zip(self.given, own, strict=True)
+        )
         if asymmetry(matrix("P", P, "csc"))[0] > 0.0:
             P = self.qp.P  # (P + P') / 2
         self.qp, self.given = self.qp._replace(P=P, G=G, A=A), None
@@ -178,7 +174,7 @@ class Judge:
         return doubt is not None and doubt(self)
 
     def answer(self, status, iterations, method, message=""):
-        """Return the certificate, or the best point; SOLVED without one is STALLED."""
+        """Return the certificate, or the best point; what it cannot show is STALLED."""
         if self.proof is not None:
             return Outcome(*self.proof, iterations, method, message)
         if self.point is None:
@@ -193,24 +189,15 @@ class Judge:
 
 def are_own(given, qp):
     """Tell whether (P, G, A) as they came are stored as those of the QP."""
-    for M, own in zip(given, (qp.P, qp.G, qp.A), strict=True):
-        if M is None or M is own:
-            continue
-        if getattr(M, "format", "") != "csc" or M.data is not own.data:
-            return False
-    return True
-
-
-def as_stored(given, own):
-    if given is None:
-        return own
-    if sp.issparse(given):
-        return given
-    return np.atleast_2d(np.asarray(given, dtype=float))
+    return all(
+        M is None
+        or M is own
+        or (getattr(M, "format", "") == "csc" and M.data is own.data)
+        for M, own in zip(given, (qp.P, qp.G, qp.A), strict=True)
+    )
 
 
 def norm(M):
-    """Return the 2-norm of all entries, without overflow or a warning of it."""
     entries = M if type(M) is np.ndarray else M.data
     return dnrm2(entries.ravel(order="K")) if entries.size else 0.0
 
@@ -230,7 +217,6 @@ def is_correctable(found, eps_abs, eps_rel):
 
 
 def corrections(qp, point, found, eps_abs, eps_rel):
-    """Yield points with smaller residuals than those `found` at this one."""
     tol = eps_abs + eps_rel * found.dual_size
     for share, rest in SHARES:
         new, seen = point, found
@@ -241,8 +227,9 @@ def corrections(qp, point, found, eps_abs, eps_rel):
         if seen.gap > gap_tol and seen.dual <= tol:
             new = correct_gap_by_x(qp, new, gap_tol)
             yield new
-            new = correct_gap_by_multipliers(qp, new, gap_tol, tol - seen.dual)
-        yield new
+            yield from correct_gap_by_multipliers(qp, new)
+        else:
+            yield new
         if found.dual <= share * tol:
             return
 
@@ -250,7 +237,7 @@ def corrections(qp, point, found, eps_abs, eps_rel):
 def correct_dual_residual(qp, point, tol, rest=0.0):
     """Return the point with dual residuals above `tol` removed by z_box or x.
 
-    x takes Jacobi steps on the Lagrangian, and leaves residuals of modulus `rest`.
+    x takes Jacobi steps, which leave residuals of modulus `rest`.
     """
     x, y, z, z_box = point
     Gtz, Aty = np.zeros((2, x.size))
@@ -277,8 +264,7 @@ def correct_gap_by_x(qp, point, tol):
 
     The gap g has the gradient v = 2 Px + q in x. The least change -g v/v'v of the
     variables inside their bounds removes it but for rounding; the next ones, by a
-    random half of the variables each, start from the gap that was left. The first
-    point with a gap of at most `tol` is the last one.
+    random half of the variables each, start from the gap that was left.
     """
     inside = (point.x > qp.lb) & (point.x < qp.ub)
     rng = np.random.default_rng(0)
@@ -303,48 +289,26 @@ def correct_gap_by_x(qp, point, tol):
     return best
 
 
-def correct_gap_by_multipliers(qp, point, tol, dual_left):
-    """Return the point with its gap removed by multipliers.
+def correct_gap_by_multipliers(qp, point):
+    """Yield points with the gap removed by the multipliers of one sum s'z each.
 
-    All multipliers of one sum s'z, such as ub'z_box^+, change together, by -g s/s's for
-    the gap g; ub'z_box^+ is first, being added last and thus rounded least. Those that
-    would flip their sign are left out once; a sum is skipped if some still would, or if
-    all corrections together would add more than `dual_left` to the dual residual.
+    They change by -g s/s's for the gap g; ub'z_box^+ is first, being added last and
+    thus rounded least. Those that would flip their sign are left out once; a sum is
+    skipped if some still would.
     """
     x, y, z, z_box = point
-    n, p, m = x.size, y.size, z.size
-    # multipliers and their right-hand sides in the order b, h, lb, ub
-    multiplier = np.concatenate((y, z, np.minimum(z_box, 0.0), np.maximum(z_box, 0.0)))
-    side = np.concatenate((qp.b, qp.h, qp.lb, qp.ub))
-    usable = np.isfinite(side) & (side != 0.0)
-    usable[p:] &= multiplier[p:] != 0.0
-    Px = times(qp.P, x)
-    added = np.zeros(n)  # to the dual residual, by all changes
-    gap = signed_gap(qp, point, Px)
-    ends = p, p + m, p + m + n
-    for part in reversed(np.split(np.arange(side.size), ends)):
-        fits = usable[part]
+    gap = signed_gap(qp, point, times(qp.P, x))
+    sides = qp.b, qp.h, qp.lb, qp.ub
+    multipliers = y, z, np.minimum(z_box, 0.0), np.maximum(z_box, 0.0)
+    for k in (3, 2, 1, 0):
+        old, new, fits = multipliers[k], [*multipliers], np.isfinite(sides[k])
+        fits &= (k == 0) | (old != 0.0)
         for _ in range(2):
-            part = part[fits]
-            if part.size == 0:
-                break
-            top = np.abs(side[part]).max()
-            s = side[part] / top  # side^2 may overflow
-            change = -gap / top / (s @ s) * s
-            fits = (part < p) | ((multiplier[part] + change) * multiplier[part] > 0.0)
-        if not (part.size and fits.all()):
-            continue
-        new = multiplier.copy()
-        new[part] += change
-        dy, dz, lower, upper = np.split(new - multiplier, ends)
-        total = added + lower + upper
-        add_transposed(qp.A, dy, total)
-        add_transposed(qp.G, dz, total)
-        if np.abs(total).max() <= dual_left:
-            added, multiplier = total, new
-            y, z, lower, upper = np.split(multiplier, ends)
-            new_point = Point(x, y, z, lower + upper)
-            gap = signed_gap(qp, new_point, Px)
-            if abs(gap) <= tol:
-                return new_point
-    return point
+            side = np.where(fits, sides[k], 0.0)
+            top = np.abs(side).max(initial=0.0) or 1.0
+            s = side / top  # side^2 may overflow
+            new[k] = old - gap / top / (s @ s or 1.0) * s
+            flips = (k > 0) & (new[k] * old < 0.0)
+            fits &= ~flips
+        if s.any() and not flips.any():
+            yield Point(x, new[0], new[1], new[2] + new[3])
