@@ -12,8 +12,7 @@ converge for dependent active rows too. The next guess keeps the active constrai
 multipliers >= 0 and adds the violated ones: a primal-dual active-set method
 (Hintermueller, Ito and Kunisch, SIAM J. Optim. 13 (2003) 865-888).
 
-The unknowns are u = (x, y, net z); `held` marks the variables at active bounds and the
-inactive rows, which do not change.
+The unknowns are u = (x, y, net z); `held` marks what of them does not change.
 
 Candidates for certificates are the parts of the last step, (dy, dZ) and dx, as they are
 and projected by means of one factorisation of K. Those with small relative residuals
@@ -35,19 +34,16 @@ from namlcp.status import Status
 
 # Modulus of a diagonal entry of K~ that fixes a variable or drops a row.
 OFF = 1e20
-# Unscaled residual that ends the iterations.
-RESIDUAL_GOAL = 1e-14
-# A first residual below this counts as this in the demand for a tenfold reduction.
-SMALL_ENOUGH = 1e-11
+# Unscaled residual that ends the iterations. A first one below SMALL_ENOUGH counts as
+# that in the demand for a tenfold reduction.
+RESIDUAL_GOAL, SMALL_ENOUGH = 1e-14, 1e-11
 # A scaled multiplier or slack below minus this has the wrong sign.
 WRONG_SIGN = 1e-12
 # Added to the diagonal of P, and subtracted for rows. The second is tried where L D L'
 # breaks down with the first, or where the iterations do not reduce the residual
-# tenfold: the KKT system of the active set is singular then.
-FIRST_SHIFT, SECOND_SHIFT = 1e-9, 1e-7
-# MOST_SETS: active sets tried by one refinement at most. PROXIMAL_STEPS: iterations for
-# each. GOOD_ENOUGH: residual over its tolerance, on unscaled data, up to which no other
-# set is tried.
+# tenfold: the KKT system of the active set is singular then. The third: for rays.
+FIRST_SHIFT, SECOND_SHIFT, RAY_SHIFT = 1e-9, 1e-7, 1e-6
+# Residual over its tolerance, on unscaled data, up to which no other set is tried.
 GOOD_ENOUGH = 1e-2
 # Violation of a slack or multiplier over the tolerance above which a point is not worth
 # measuring. A set that is FAR off is followed by another only where its violation fell
@@ -57,16 +53,13 @@ FAR, FALL = 1e3, 0.3
 # A residual converges if an iteration reduces it to this part: then there is no test
 # for a certificate.
 CONVERGING = 0.25
-# Relative residual of a candidate for a certificate up to which it is promising, and up
-# to which it is tested. Between these, it is tested where it fell to the part AGAIN of
-# that at the last test.
-PROMISING, SMALL_RATIO, AGAIN = 0.1, 1e-4, 0.1
+# A candidate for a certificate is tested where its relative residual fell to the part
+# AGAIN of that at the last test, at first of PROMISING.
+PROMISING, AGAIN = 0.1, 0.3
 # In a projection of multipliers, the weight of the distance to the candidate, where the
 # residual has weight 1. The refinement ends at a largest residual PROJECTED, where the
 # largest multiplier is 1: a certificate needs 1e-12.
 PROJECTION, PROJECTED = 1e-8, 1e-16
-# The shift of the system of a ray.
-RAY_SHIFT = 1e-6
 # A one-sided constraint is an equation in the projection of a ray d, max |d_j| = 1, if
 # sign * C d, scaled, exceeds this.
 NEARLY_ACTIVE = -1e-3
@@ -75,9 +68,7 @@ NEARLY_ACTIVE = -1e-3
 def refine(m):
     """Try active sets, beginning with the point `start` and its set.
 
-    Offers every point found to the judge. Ends with a residual over its tolerance of
-    GOOD_ENOUGH, where that ratio is not halved or the violation does not FALL, or where
-    the set does not change. A larger shift that succeeds stays.
+    Offers the points found to the judge. A larger shift that succeeds stays.
     """
     best = violation = INFINITY
     m.regularisation = FIRST_SHIFT
@@ -112,7 +103,6 @@ def solve_set(m):
     """Solve the system of the set of `start`; set `found` to its point and next set.
 
     The iterations end when the residual is rounding, or twice in a row not halved.
-    `converged` tells whether it fell tenfold, or below a tenth of SMALL_ENOUGH.
     """
     hold(m)
     m.converged, m.is_factored = False, factor(m)
@@ -189,8 +179,7 @@ def set_residual(m):
 def choose_next_set(m):
     """Set `found`: the point, and the next active set; and the largest violation.
 
-    That set has the active constraints with multipliers >= 0 and the violated ones. The
-    multiplier of a bound follows from stationarity.
+    The multiplier of a bound follows from stationarity.
     """
     u, t, sign, unit, rows = m.least_u, m.dv, m.sign, m.unit, m.n + m.p
     active, Z = m.start + rows + m.m, m.found + rows
@@ -221,7 +210,7 @@ def choose_next_set(m):
 
 
 def promises(m):
-    """Set the ratios of the candidates for certificates; tell whether one is tested.
+    """Set the ratios of the candidates to test, inf of others; tell if there is one.
 
     In an infeasible (unbounded) problem the primal (dual) residual cannot vanish. While
     it is within the tolerance or falls to a quarter, no candidate is tested.
@@ -240,20 +229,20 @@ def promises(m):
     for k in range(m.m):
         dv[m.place[k]] += m.sign[k] * max(dZ[k], 0.0)
     multiply(m, du, dv, m.Pdx, m.Ctdv, m.dt)
-    ratios[0] = farkas_ratio(m, du + m.n) if primal else INFINITY
+    ratios[0] = farkas_ratio(m) if primal else INFINITY
     ratios[1] = ray_ratio(m) if dual else INFINITY
     found: cython.bint = False
     for k in range(2):
-        if not ratios[k] <= PROMISING:
+        if ratios[k] <= AGAIN * m.tested[k]:
+            found, m.tested[k] = True, ratios[k]
+        else:
             ratios[k] = INFINITY
-        elif ratios[k] <= SMALL_RATIO or ratios[k] <= AGAIN * m.tested[k]:
-            found = True
     return found
 
 
-def farkas_ratio(m, dy):
+def farkas_ratio(m):
     """Return min(|r| |x| / -value, |r| / |multipliers|), inf if value >= 0."""
-    dZ = m.step.dZ
+    dy, dZ = m.step.du + m.n, m.step.dZ
     value = most = residual = 0.0
     for i in range(m.p):
         value += m.b[i] * dy[i]
@@ -284,10 +273,7 @@ def ray_ratio(m):
 
 
 def find_proof(m):
-    """Return the verdict of the first candidate that is a proof, which is kept.
-
-    Its projection is tried, too, where it improved since the last one.
-    """
+    """Return the verdict of the first candidate, or projection, that is a proof."""
     n, rows = m.n, m.n + m.p
     du, dZ = as_array(m.step.du, m.size).copy(), as_array(m.step.dZ, m.m)
     none = np.zeros(n), np.zeros(m.p), np.zeros(m.m)
@@ -296,13 +282,9 @@ def find_proof(m):
         if not m.ratios[k] < INFINITY:
             continue
         verdict = Status.DUAL_INFEASIBLE if k else Status.PRIMAL_INFEASIBLE
-        if proves(m, k, candidate):
+        project = project_ray if k else project_multipliers
+        if proves(m, k, candidate) or proves(m, k, project(m, candidate)):
             return verdict
-        if m.ratios[k] <= AGAIN * m.tested[k]:
-            m.tested[k] = m.ratios[k]
-            project = project_ray if k else project_multipliers
-            if proves(m, k, project(m, candidate)):
-                return verdict
     return None
 
 
@@ -325,7 +307,7 @@ def project_multipliers(m, candidate):
     """Project on the Farkas system A'y + C'Z = 0, in a norm with w = sqrt(Z).
 
     min |A'(y + dy) + C'(Z + dZ)|^2/(2 eps) + |dy|^2/2 + sum dZ^2/(2 w), with eps =
-    PROJECTION, is solved again as long as the residual is halved and not PROJECTED.
+    PROJECTION, is solved again and again.
     """
     problem, kkt, n, rows = m.problem, m.kkt, m.n, m.n + m.p
     none, y, Z = candidate
