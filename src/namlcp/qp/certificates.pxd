@@ -19,9 +19,8 @@ cdef void add_term(Claim* c, double side, double multiplier) noexcept nogil
 cdef bint prove_infeasible(Claim* c, const double* x, double* y, double* z, double* z_box) noexcept nogil
 cdef bint prove_unbounded(Claim* c, const double* x, const double* y, const double* z, double* d) noexcept nogil
 cdef void scale(double factor, double* v, Py_ssize_t n) noexcept nogil
-cdef double sum_per(const double* v, const double* units, Py_ssize_t n) noexcept nogil
 cdef double largest_in(const double* v, const double* units, Py_ssize_t n) noexcept nogil
-cdef double largest_per(const double* v, const double* units, Py_ssize_t n) noexcept nogil
+cdef (double, double) norms_per(const double* v, const double* units, Py_ssize_t n) noexcept nogil
 cdef void add_products(const Matrix* M, const double* d, double* out, double* sizes) noexcept nogil
 cdef void add_transposed(const Matrix* M, const double* y, double* out) noexcept nogil
 cdef object take_matrix(Matrix* M, object array)

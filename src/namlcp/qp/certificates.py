@@ -14,9 +14,9 @@ the 1-norm of the multipliers. Every x that violates no constraint by more than 
 1 <= |r|_inf |x|_1 + t lam. The certificate thus excludes all x with |x|_1 below
 (1 - t lam)/|r|_inf; if r = 0, every x violates some constraint by 1/lam or more.
 
-A test is made in the user's units, then in those that equilibrate P, A and G (see
-`qp.kkt`): without them a column of tiny entries would have a tiny residual
-for any y and z, and a variable that counts in large units one for any step along it.
+A test is made in the user's units, then in those that equilibrate P, A and G: without
+them a column of tiny entries would have a tiny residual for any y and z, and a variable
+that counts in large units one for any step along it.
 """
 
 import cython
@@ -41,20 +41,16 @@ from namlcp.residuals import UNDEFINED
 VALUE_ROUNDING = 1e3 * 2.0**-52
 # A certificate with a residual, relative to its largest entry, of at most RESIDUAL must
 # exclude all x with |x|_1 up to RADIUS times max(1, |x|_1 of the current point). With a
-# residual of at most EXACT_RESIDUAL, mere rounding, it need not, but must satisfy
-# MARGIN and ROUNDED_VALUE.
-RESIDUAL, RADIUS, EXACT_RESIDUAL = 1e-8, 1e3, 1e-12
-# Largest margin of such a certificate.
-MARGIN = 0.5
-# Largest error of its value, as a part of it: a multiplier is as inexact as the
+# residual of at most EXACT_RESIDUAL, mere rounding, it need not, but must have a margin
+# of at most MARGIN.
+RESIDUAL, RADIUS, EXACT_RESIDUAL, MARGIN = 1e-8, 1e3, 1e-12, 0.5
+# Then, largest error of its value, as a part of it: a multiplier is as inexact as the
 # relative residual says, and so is each term of the sum. (Of a ray also: as inexact as
 # |M d| relative to |M| |d|.)
 ROUNDED_VALUE = 1e-2
 # Largest |M d|, relative to |M| |d| row by row, of such a ray.
 CANCELLED = 1e-10
 LARGEST = float(np.finfo(float).max)
-# Of what takes one bound or row alone.
-NO_RESIDUAL = UNDEFINED._replace(dual=0.0)
 
 
 def suffices(worst, most, error, margin, moduli, cancels):
@@ -62,8 +58,8 @@ def suffices(worst, most, error, margin, moduli, cancels):
 
     worst: its largest residual; most: its largest entry; error: the most that the
     residual may be at points of the current size; margin: the absolute tolerance times
-    the 1-norm of the multipliers, t lam, or of the ray; moduli: the sum of the moduli
-    of the terms of its value; cancels: whether a residual of rounding errors is one.
+    the 1-norm of the multipliers, t lam, or of the ray; moduli: as of `Claim`; cancels:
+    whether a residual of rounding errors is one.
     """
     relative, radius = worst / most, RADIUS * error + margin
     within: cython.bint = relative <= RESIDUAL and radius <= 1.0
@@ -100,10 +96,7 @@ def add_term(c, side, multiplier):
 
 
 def prove_infeasible(c, x, y, z, z_box):
-    """Make y, z and z_box a certificate with value -1, if y and z allow it.
-
-    x: the point at hand; c.dual becomes the residual.
-    """
+    """Make y, z and z_box a certificate with value -1, if y and z allow it at x."""
     n, p, s, factor = c.n, c.p, c.r, 1.0
     for i in range(c.m):
         if z[i] <= 0.0 or isinf(c.h[i]):  # NaN is kept
@@ -126,20 +119,19 @@ def prove_infeasible(c, x, y, z, z_box):
         if has_units:
             equilibrate_parts(cython.NULL, c.A, c.G, n, p, c.m, c.units, c.largest)
         worst, most = largest_in(s, c.units, n), largest_in(z_box, c.units, n)
-        most = max(most, largest_per(y, c.units + n, p))
-        most = max(most, largest_per(z, c.units + n + p, c.m))
+        most = max(most, norms_per(y, c.units + n, p)[0])
+        most = max(most, norms_per(z, c.units + n + p, c.m)[0])
         margin, moduli = factor * c.tol * c.lam, factor * c.moduli
-        error = max(1.0, sum_per(x, c.units, n)) * worst
+        error = max(1.0, norms_per(x, c.units, n)[1]) * worst
         if not suffices(worst, most, error, margin, moduli, True):
             return False
     return True
 
 
 def prove_unbounded(c, x, y, z, d):
-    """Make d a ray with q'd = -1, if that allows it.
+    """Make d, clipped to the bounds' recession cone, a ray with q'd = -1, if it can be.
 
-    d is clipped to the recession cone of the bounds. (x, y, z): the point at hand;
-    c.dual becomes |P d|, c.primal the largest of |A d| and (G d)+.
+    (x, y, z): the point at hand; c.primal becomes the largest of |A d| and (G d)+.
     """
     n, p, m, r, value, moduli = c.n, c.p, c.m, c.r, 0.0, 0.0
     for j in range(n):
@@ -168,9 +160,10 @@ def prove_unbounded(c, x, y, z, d):
     cancels: cython.bint = left <= CANCELLED and left * moduli <= ROUNDED_VALUE
     units = c.units
     fill(units, 1.0, n + p + m)
-    margin = c.tol * sum_per(d, units, n)
-    of_x, of_y = max(1.0, sum_per(x, units, n)), max(1.0, sum_per(y, units, p))
-    of_z = max(1.0, sum_per(z, units, m))
+    margin = c.tol * norms_per(d, units, n)[1]
+    of_x = max(1.0, norms_per(x, units, n)[1])
+    of_y = max(1.0, norms_per(y, units, p)[1])
+    of_z = max(1.0, norms_per(z, units, m)[1])
     for has_units in range(2):
         if has_units:
             equilibrate_parts(c.P, c.A, c.G, n, p, m, units, c.largest)
@@ -178,7 +171,7 @@ def prove_unbounded(c, x, y, z, d):
         cost, equation = largest_in(r, units, n), largest_in(r + n, units + n, p)
         row = largest_in(r + n + p, units + n + p, m)
         error = cost * of_x + equation * of_y + row * of_z
-        worst, most = max(cost, max(equation, row)), largest_per(d, units, n)
+        worst, most = max(cost, max(equation, row)), norms_per(d, units, n)[0]
         if not suffices(worst, most, error, margin, moduli, cancels):
             return False
     return True
@@ -192,13 +185,6 @@ def scale(factor, v, n):
         v[i] *= factor
 
 
-def sum_per(v, units, n):
-    total = 0.0
-    for i in range(n):
-        total += fabs(v[i] / units[i])
-    return total
-
-
 def largest_in(v, units, n):
     largest = 0.0
     for i in range(n):
@@ -206,11 +192,13 @@ def largest_in(v, units, n):
     return largest
 
 
-def largest_per(v, units, n):
-    largest = 0.0
+def norms_per(v, units, n):
+    """Return the largest entry and the sum of |v_i / units_i|."""
+    largest = total = 0.0
     for i in range(n):
         largest = max(largest, fabs(v[i] / units[i]))
-    return largest
+        total += fabs(v[i] / units[i])
+    return largest, total
 
 
 def add_products(M, d, out, sizes):
@@ -236,7 +224,7 @@ def add_transposed(M, y, out):
 
 
 def take_matrix(M, array):
-    """Note a matrix, dense or in CSC; return what has its numbers."""
+    """Note a matrix; return the array that has its numbers."""
     if type(array) is np.ndarray:
         array = np.ascontiguousarray(array, float)
         M.lines, M.width, M.starts = array.shape[0], array.shape[1], cython.NULL
@@ -251,8 +239,8 @@ def take_matrix(M, array):
 def accepted(qp, point, d, tol):
     """Return a certificate of value -1, its point and residuals; None if there is none.
 
-    point: (x, y, z) at hand, of which y and z are to prove that the QP is infeasible; a
-    ray d, if not None, that it is unbounded. tol: the absolute tolerance.
+    Of (x, y, z) at hand y and z are to prove that the QP is infeasible; a ray d, if not
+    None, that it is unbounded. tol: the absolute tolerance.
     """
     P: Matrix
     G: Matrix
@@ -292,20 +280,18 @@ def alone(qp, eps_abs, eps_rel):
     size = np.minimum(np.maximum(np.abs(qp.lb), np.abs(qp.ub)), LARGEST)
     crossed = 0.5 * qp.lb - 0.5 * qp.ub > eps_abs + eps_rel * size  # NaN for inf - inf
     wrong = (crossed | (qp.lb == np.inf) | (qp.ub == -np.inf)).nonzero()[0]
-    if not (wrong.size or empty.size):
-        return None
     proof = qp.point(np.full(qp.q.size, np.nan))
+    found = proof, UNDEFINED._replace(dual=0.0)
     for j in wrong[:1]:
         low, high = float(qp.lb[j]), float(qp.ub[j])
-        is_finite = np.isfinite((low, high)).all()
-        proof.z_box[j] = 0.5 / (0.5 * low - 0.5 * high) if is_finite else 1.0
-        if low == np.inf:
-            proof.z_box[j] = -1.0
-        sides = f"lb = {low}, ub = {high}"
-        return f"bounds of x[{j}] contradict each other: {sides}", (proof, NO_RESIDUAL)
-    i = empty[0]
-    proof.z[i] = 1.0
-    return f"row {i} of G has h = -inf", (proof, NO_RESIDUAL)
+        proof.z_box[j] = -1.0 if low == np.inf else 1.0
+        if np.isfinite((low, high)).all():
+            proof.z_box[j] = 0.5 / (0.5 * low - 0.5 * high)
+        return f"bounds of x[{j}] contradict each other: lb = {low}, ub = {high}", found
+    for i in empty[:1]:
+        proof.z[i] = 1.0
+        return f"row {i} of G has h = -inf", found
+    return None
 
 
 def largest(*vectors):

@@ -45,7 +45,7 @@ class Point(NamedTuple):
 
 
 # Largest |P - P'| that counts as rounding, relative to max |P|, or entry by entry to
-# sqrt(|P_ii P_jj|), as in a matrix of single precision.
+# sqrt(|P_ii P_jj|): of single precision.
 ASYMMETRY, SINGLE_ASYMMETRY = 1e-10, 1e-6
 # A row g'x <= h switched off by h >= INFINITE must allow |x_j| up to this.
 STEEP = 1e10
@@ -73,8 +73,8 @@ class QP(NamedTuple):
     def in_dense_form(self) -> "QP":
         if self.is_dense:
             return self
-        G, A = (as_dense(C) if C.nnz else np.zeros(C.shape) for C in (self.G, self.A))
-        return self._replace(P=as_dense(self.P), G=G, A=A)
+        P, G, A = map(as_dense, (self.P, self.G, self.A))
+        return self._replace(P=P, G=G, A=A)
 
     def point(self, x: np.ndarray | None = None) -> Point:
         """Return x, or 0, with multipliers that are 0."""
@@ -123,13 +123,9 @@ def refuse_steep_rows(G: Any, h: np.ndarray) -> None:
 def symmetrised(P: Any, gap: float, size: float) -> Any:
     """Return (P + P') / 2; raise if gap, max |P - P'|, exceeds rounding of max |P|."""
     if gap > ASYMMETRY * size:
-        off, root = 0.5 * P - 0.5 * P.T, np.sqrt(np.abs(P.diagonal()))
-        if sp.issparse(P):
-            entries = off.tocoo()
-            off, scale = entries.data, root[entries.row] * root[entries.col]
-        else:
-            scale = np.outer(root, root)
-        if not (np.abs(off) <= 0.5 * SINGLE_ASYMMETRY * scale).all():
+        off, root = as_sparse(0.5 * P - 0.5 * P.T).tocoo(), np.sqrt(abs(P.diagonal()))
+        scale = root[off.row] * root[off.col]
+        if not (np.abs(off.data) <= 0.5 * SINGLE_ASYMMETRY * scale).all():
             raise ValueError(
                 f"P must be symmetric: max |P - P'| = {gap:.1e}; "
                 "pass (P + P.T) / 2 if that is intended"
@@ -184,8 +180,8 @@ def repaired(qp: QP) -> QP:
     gap, size = asymmetry(qp.P)
     P = symmetrised(qp.P, gap, size) if gap > 0.0 else qp.P
     refuse_steep_rows(qp.G, qp.h)
-    h, ub = without_huge(qp.h, 1.0), without_huge(qp.ub, 1.0)
-    return qp._replace(P=P, h=h, lb=without_huge(qp.lb, -1.0), ub=ub)
+    h, lb, ub = map(without_huge, (qp.h, qp.lb, qp.ub), (1.0, -1.0, 1.0))
+    return qp._replace(P=P, h=h, lb=lb, ub=ub)
 
 
 # ---- convexity
@@ -215,10 +211,8 @@ def check_convex(P: Any, deadline: Deadline = NEVER) -> None:
     """Raise NotConvex unless P, symmetric, dense or CSC, is positive semidefinite.
 
     Constraints can hide negative curvature in the KKT matrix, and a stationary point of
-    a non-convex problem passes every residual check. The tests are, in this order: the
-    signs of the diagonal, minors of order two, diagonal dominance, whether a large P is
-    an H+ matrix, and the pivots of P, scaled to a unit diagonal, plus `PSD_SLACK` I.
-    OutOfTime if the deadline is reached before.
+    a non-convex problem passes every residual check. The last test is the pivots of P,
+    scaled to a unit diagonal, plus `PSD_SLACK` I. OutOfTime if the deadline is reached.
     """
     if type(P) is np.ndarray:
         if dpotrf(P)[1] == 0:
@@ -256,8 +250,7 @@ ACTIVE = 1e-7
 class Guess(NamedTuple):
     """A guess of the solution; all arrays are empty where there is none.
 
-    active (m + 2 n,) int8 is 1 for active rows of G, lower bounds and upper bounds, in
-    this order. The multipliers are zero where only x was given.
+    active (m + 2 n,) int8 is 1 for active rows of G, lower bounds and upper bounds.
     """
 
     x: np.ndarray

@@ -45,27 +45,22 @@ class Chain:
     """Transforms one after another, the user's end first.
 
     A transform has the methods `point`, which maps a point back to the problem before
-    it, and `guess`, which maps a guess forward. A chain has the same. With data = 0.0,
-    `point` maps what is scaled at will: a ray, or multipliers that prove infeasibility;
-    q, b and the bounds count as 0 then.
+    it, and `guess`, which maps a guess forward. With data = 0.0, `point` maps what is
+    scaled at will: a ray, or multipliers that prove infeasibility; q, b and the bounds
+    count as 0 then.
     """
 
     def __init__(self, *transforms):
-        self.transforms, self.back = transforms, transforms[::-1]
+        self.transforms = transforms
 
     def then(self, *transforms):
         return Chain(*self.transforms, *transforms)
 
     def point(self, *parts, data=1.0):
         """Return the user's point; `parts` as the last transform takes them."""
-        for transform in self.back:
+        for transform in reversed(self.transforms):
             parts = transform.point(*parts, data)
         return Point(*parts)
-
-    def guess(self, guess):
-        for transform in self.transforms:
-            guess = transform.guess(guess)
-        return guess
 
 
 NO_TRANSFORMS = Chain()
@@ -74,10 +69,9 @@ NO_TRANSFORMS = Chain()
 class Memory:
     """What a solve keeps for the next QP with the same matrices or the same pattern.
 
-    `convex` is the last P found positive semidefinite; `substitution`, `presolved` and
-    `scaled`, which keeps factors and orders, are the last transforms, `box` the last P
-    prepared for box LCPs. Matrices are the same as before where they are the same
-    objects. Not for two solves at a time.
+    `convex` is the last P found positive semidefinite, `box` the last one prepared for
+    box LCPs; `scaled` keeps factors and orders. Matrices are the same as before where
+    they are the same objects. Not for two solves at a time.
     """
 
     def __init__(self, convex=None):
@@ -99,9 +93,8 @@ class Memory:
 def solve_checked(qp, options, guess, start, progress=None, memory=None, given=None):
     """Solve a checked QP; `start` is the perf_counter() of the call.
 
-    `progress` takes the rows; where they are printed, it is made here if it is None.
-    `memory` may be kept for the next problem of the same pattern; it is changed.
-    `given`: P, G and A as the user stores them, in whose order sums are judged.
+    `progress` takes the rows; `memory` may be kept for the next problem of the same
+    pattern; `given`: P, G and A as the user stores them, in whose order is summed.
     """
     if progress is None and options.verbose:
         progress = Progress(QP_COLUMNS, True)
@@ -135,10 +128,7 @@ def solve_checked(qp, options, guess, start, progress=None, memory=None, given=N
 
 
 def route(qp, guess, limits, memory=None, given=None, doubt=None):
-    """Solve a checked QP; if it stalls, go on without its huge bounds.
-
-    memory, given: as of `solve_checked`; doubt: see `Judge`.
-    """
+    """Solve a checked QP; if it stalls, go on without its huge bounds."""
     judge = Judge(qp, limits, given, doubt)
     try:
         answer = solve_transformed(qp, guess, judge, memory)
@@ -160,17 +150,18 @@ def solve_transformed(qp, guess, judge, memory):
     """Solve with free columns substituted; if that is undecided, without."""
     memory, substitution, last = memory or Memory(), None, solve_by_engines
     if not qp.is_dense and qp.h.size + qp.b.size > 0:
-        if entries_of(qp) <= TINY_ENTRIES and takes_dense(qp):  # first as it came
+        if entries_of(qp) <= TINY_ENTRIES and takes_dense(qp):  # once, as it came
             found = solve_dense(qp, NO_TRANSFORMS, guess, judge)
             if found is not None and found.status in ENDS:
                 return found
-            last = solve_interior  # not in dense form again
+            last = solve_interior
         substitution = substitute(qp, memory.substitution, judge.limits.deadline)
     memory.substitution = substitution
     if substitution is not None:
         memory.convex = substitution.P  # P was checked; this adds only squares
         chain = Chain(substitution)
-        answer = solve_by_engines(substitution.problem, chain, guess, judge, memory)
+        small, forward = substitution.problem, substitution.guess(guess)
+        answer = solve_by_engines(small, chain, forward, judge, memory)
         if answer.status not in UNDECIDED:
             return answer
         guess, memory = make_guess(qp, None, answer.point), Memory()
@@ -179,7 +170,6 @@ def solve_transformed(qp, guess, judge, memory):
 
 def solve_by_engines(qp, chain, guess, judge, memory):
     """Return the first answer that decides, else that of the last engine."""
-    guess = chain.guess(guess)
     for suits, solve in ENGINES:
         if suits(qp):
             found = solve(qp, chain, guess, judge, memory)
@@ -210,11 +200,8 @@ def is_small(qp):
     if entries <= FEW_ENTRIES:
         return True
     matrices = qp.P, qp.G, qp.A
-    if type(qp.P) is np.ndarray:
-        filled = sum(map(np.count_nonzero, matrices))
-    else:
-        filled = sum([M.data.size for M in matrices])
-    return 100 * filled >= FULL * entries
+    filled = [np.count_nonzero(M) if qp.is_dense else M.data.size for M in matrices]
+    return 100 * sum(filled) >= FULL * entries
 
 
 def takes_bounds(qp):
@@ -229,8 +216,7 @@ def takes_dense(qp):
     """Tell whether the dense form promises more than interior points."""
     if not is_small(qp):
         return False
-    is_dense = type(qp.P) is np.ndarray
-    most, cost = (MOST_LINEAR, qp.P) if is_dense else (SPARSE_LINEAR, qp.P.data)
+    most, cost = (MOST_LINEAR, qp.P) if qp.is_dense else (SPARSE_LINEAR, qp.P.data)
     return qp.q.size <= most or cost.any()
 
 
