@@ -48,8 +48,7 @@ Solve = Callable[..., Outcome]
 """Solves a QP: (qp, guess, limits), see `namlcp.qp.route`."""
 
 # eps_abs and eps_rel of both stages, at most: what is active is read from the last
-# digits of multipliers. A looser eps_rel leaves products of multipliers and slacks of
-# 1e-6 and more where objectives are large, and takes the same time.
+# digits of multipliers.
 STAGE_TOLERANCES = 1e-9, 1e-13
 # The same where stage 2 fails on what stage 1 says is active: many multipliers and
 # slacks that both vanish are left near the square root of their products.
@@ -72,7 +71,7 @@ UNPROVED = (
 # fifty units of rounding. A larger one would drop rows in units 10^6 times larger.
 ROUNDING = 1e-14
 # A multiplier of stage 1 this close to its floor or ceiling, relative to the largest
-# one, stands at it. Those of a solution are exact to rounding.
+# one, stands at it.
 AT_LIMIT = 1e-9
 
 
@@ -81,7 +80,6 @@ class Rows(NamedTuple):
 
     C holds the rows of G, then the bounds of finite weight x_j <= ub_j (j in `upper`)
     and -x_j <= -lb_j (j in `lower`), then the rows of A; lb and ub are infinite there.
-    `weights` is infinite in rows that must not be shifted.
     """
 
     C: Any
@@ -104,16 +102,14 @@ class Rows(NamedTuple):
 
     def cost(self, x: np.ndarray) -> float:
         """Return what stage 1 minimises (norm 2: twice that)."""
-        r = self.violations(x)
-        soft = np.isfinite(self.weights) & (r != 0.0)
-        r, w = r[soft], self.weights[soft]
-        return float(w @ (r * r if self.norm == 2 else np.abs(r)))
+        soft = np.isfinite(self.weights)
+        r = np.abs(self.violations(x)[soft])
+        return float(self.weights[soft] @ r**self.norm)
 
     def parts(self, v: np.ndarray) -> list[np.ndarray]:
         """Return the parts of v: G, upper, lower, A."""
-        sizes = self.upper.size, self.lower.size
-        m = v.size - self.p - sum(sizes)
-        return np.split(v, np.cumsum((m, *sizes)))
+        ends = np.cumsum((self.p, self.lower.size, self.upper.size))
+        return np.split(v, v.size - ends[::-1])
 
     def point(self, x: np.ndarray, v: np.ndarray, v_box: np.ndarray) -> Point:
         z, of_upper, of_lower, y = self.parts(v)
@@ -150,10 +146,7 @@ def rows_of(qp: QP, relaxation: Relaxation) -> Rows:
 
 
 def least_shifts(rows: Rows) -> QP:
-    """Return stage 1: the QP in (x, r), or the LP in (x, r+, r-) with r- in equations.
-
-    A row that is not shifted has no r.
-    """
+    """Return stage 1: the QP in (x, r), or the LP in (x, r+, r-)."""
     n, dense = rows.lb.size, isinstance(rows.C, np.ndarray)
     soft = np.flatnonzero(np.isfinite(rows.weights) & (rows.d < np.inf))
     signs = np.repeat(-1.0, soft.size)
@@ -179,10 +172,7 @@ def least_shifts(rows: Rows) -> QP:
 
 
 def weights_of(qp: QP, relaxation: Relaxation) -> dict[str, np.ndarray]:
-    """Return the weight of each entry of h, b, lb and ub.
-
-    Raises ValueError where there are too many or too few.
-    """
+    """Return the weight of each entry of h, b, lb and ub; raise unless they fit."""
     found = {}
     for side in SIDES:
         value, own = getattr(relaxation, side), getattr(qp, side)
@@ -221,8 +211,7 @@ def chosen(C: Any, rows: np.ndarray, columns: np.ndarray | None = None) -> Any:
 class Face(NamedTuple):
     """The x of all solutions of stage 1: C x <= d + r, = or >= for sense 1, 0, -1.
 
-    x, v, v_box: one of them. r: its shifts in norm 2, else 0. lb = ub where x_j stays
-    at a bound.
+    x, v, v_box: one of them. r: its shifts in norm 2, else 0.
     """
 
     rows: Rows
@@ -289,10 +278,7 @@ class Face(NamedTuple):
         return out
 
     def least_shifts(self, x: np.ndarray) -> tuple[QP, Point]:
-        """Return stage 1 of norm 2 with held rows and bounds alone, and its solution.
-
-        Its variables are x and the shifts of those held rows that have a weight.
-        """
+        """Return stage 1 of norm 2 with held rows and bounds, and its solution."""
         rows, held = self.rows, self.held
         C, d, weights = chosen(rows.C, held), rows.d[held], rows.weights[held]
         lb = np.where(self.v_box != 0.0, self.lb, -np.inf)
@@ -352,8 +338,8 @@ def face_of(rows: Rows, x: np.ndarray, v: np.ndarray, v_box: np.ndarray) -> Face
 class Nearest(NamedTuple):
     """What the search for the nearest feasible problem found, see `ClosestPoint`.
 
-    shifts: of h, b, lb and ub. stages, with SOLVED: the face of all x with these
-    shifts, the QP of stage 2 and its solution.
+    shifts: of h, b, lb and ub. stages, with SOLVED: the face, the QP of stage 2 and its
+    solution.
     """
 
     status: Status
@@ -365,8 +351,7 @@ class Nearest(NamedTuple):
     stages: tuple[Face, QP, Point] | None = None
 
 
-StageOne = tuple[Rows, Outcome, Face | None]
-"""The rows, the answer of stage 1, and all its solutions if it is solved."""
+StageOne = tuple[Rows, Outcome, Face | None]  # the last if it is solved
 
 
 def nearest(
@@ -378,8 +363,7 @@ def nearest(
 ) -> Nearest:
     """Return the solution of the feasible problem nearest to an infeasible QP.
 
-    `solve` solves both stages, each under the same limits; `stage` is the first, if it
-    has been solved before.
+    Both stages have the same limits; `stage` is the first, if it is solved already.
     """
     exactly = partial(solve_exactly, limits=limits, solve=solve)
     rows, answer, face = stage or stage_one(rows_of(qp, relaxation), exactly)
@@ -429,7 +413,6 @@ def stage_one(rows: Rows, exactly: Callable[[QP], Outcome]) -> StageOne:
 def solve_exactly(
     qp: QP, limits: Limits, solve: Solve, guess: Guess = NO_GUESS
 ) -> Outcome:
-    """Return the answer of `solve` to STAGE_TOLERANCES, or to those of the limits."""
     eps_abs, eps_rel = np.minimum(limits.tolerances, STAGE_TOLERANCES).tolist()
     answer = solve(qp, guess, limits._replace(eps_abs=eps_abs, eps_rel=eps_rel))
     if answer.status is Status.STALLED and answer.residuals.solved(*limits.tolerances):

@@ -43,8 +43,7 @@ from namlcp.linalg.factors import plan_factors
 # that are not zero.
 FULL = 0.5
 # The largest |1 - largest entry| that ends the rounds: with 1e-3 there are twice as
-# many, and as many iterations; with 0.1 two problems of the Maros-Meszaros collection
-# need more restarts.
+# many, with 0.1 two problems of the Maros-Meszaros collection need more restarts.
 EQUAL = 0.03
 # Range of the products of the factors of all rounds, against over- and underflow.
 LEAST_FACTOR, MOST_FACTOR = 1e-8, 1e8
@@ -56,10 +55,9 @@ LARGEST = 20.0
 class KKT:
     """K for P (both triangles stored), A and G, with the factors of K~.
 
-    indptr, indices, base: the upper triangle of K in CSC, all diagonal entries stored.
-    data: the values of K~, of which the caller writes data[diagonal]. factored: the
-    `data` that `factors` belong to; those of `last` if it has the same pattern. n,
-    size: the orders of P and K.
+    base: the values of K, all diagonal entries stored. data: those of K~, of which the
+    caller writes data[diagonal]. factored: the `data` that `factors` belong to; those
+    of `last` if it has the same pattern. n, size: the orders of P and K.
     """
 
     def __init__(self, P, A, G, last=None):
@@ -85,8 +83,7 @@ class KKT:
     def plan(self, condense=False, deadline=NEVER):
         """Return the factors, which are not computed yet if they are new.
 
-        With `condense`, K~ is definite in its first n rows and negative definite in the
-        others. Raises OutOfTime.
+        condense: whether they may be `Condensed`. Raises OutOfTime.
         """
         if self.factors is None:
             n, rows = self.n, self.size - self.n
@@ -109,7 +106,7 @@ class KKT:
 class Condensed(Factors):
     """K~ with full rows by the Cholesky factor of S = P + dx + R'R, R = D C.
 
-    D^2 = 1 / (dy, dv).
+    D^2 = 1 / (dy, dv); all of dx, dy and dv are positive.
     """
 
     def __init__(self, indptr, indices, n):
@@ -199,8 +196,7 @@ class ScaledQP:
 
     The one-sided constraints are the `finite` ones of the upper and lower sides of all
     rows, then of the upper and lower bounds. `small` is the presolved problem; the
-    scaled P, A and G are kept in `kkt` alone. The matrices of `last` are not scaled
-    again.
+    scaled P, A and G are kept in `kkt` alone.
     """
 
     def __init__(self, small, last=None):
@@ -253,7 +249,6 @@ class ScaledQP:
 
 
 def find_finite(side, n, p):
-    """Return the numbers of the finite ones of all sides, their places and signs."""
     size = side.shape[0]
     width, finite = size // 2 - n, np.empty(size, np.intp)
     where, signs = np.empty(size, np.int32), np.empty(size)
@@ -277,7 +272,7 @@ def find_finite(side, n, p):
 def equilibrate(indptr, indices, data, scale):
     """Equilibrate a symmetric matrix (upper triangle in CSC); overwrite data and scale.
 
-    `scale` has factors to begin with, which are not in `data` yet, or 1.
+    `scale` has factors to begin with, which are not in `data` yet.
     """
     K: Matrix
     size: Py_ssize_t = scale.size
@@ -298,8 +293,7 @@ def equilibrate(indptr, indices, data, scale):
 def equilibrate_parts(P, A, G, n, p, m, units, largest):
     """Multiply units, of x, y and z, by factors that equilibrate K.
 
-    P may be its upper triangle; parts that are NULL count as 0, and an empty row keeps
-    its factor. largest: work space.
+    P may be its upper triangle; parts that are NULL count as 0. largest: work space.
     """
     size = n + p + m
     for _ in range(ROUNDS):

@@ -42,10 +42,9 @@ from namlcp.linalg.csc import (
 )
 from namlcp.qp.problem import QP, Guess, Point, check_convex
 
-# Largest ub - lb of a fixed variable, relative to max(1, |lb|).
-FIXED = 1e-12
-# Largest relative difference between entries of two rows, one row scaled.
-SAME = 1e-13
+# Largest ub - lb of a fixed variable, relative to max(1, |lb|); largest relative
+# difference between entries of two rows, one row scaled.
+FIXED, SAME = 1e-12, 1e-13
 # The weight of column j in the key of a row is 1 plus the fractional part of j times
 # the golden ratio, which differs from that of any nearby column.
 GOLDEN = 0.6180339887498949
@@ -59,7 +58,7 @@ PIVOT = 1e-3
 class Groups(NamedTuple):
     """Row i of a matrix is ratio[i] times the first row of its group, first[number[i]].
 
-    number[i] is UNWANTED or EMPTY for a row that was not wanted or is empty.
+    number[i] may be UNWANTED or EMPTY, too.
     """
 
     number: np.ndarray
@@ -70,10 +69,9 @@ class Groups(NamedTuple):
 class Presolved(NamedTuple):
     """min 1/2 x'Px + q'x, A x = b, -sides[1] <= G x <= sides[0], lb <= x <= ub.
 
-    A and G are in CSR. `kept` and `fixed` are columns of `qp`. `side_of` are the rows
-    of qp.G that give `sides`, -1 for none, `b_of` the rows of qp.A with the extreme
-    right-hand sides of an equation; b is their mean. `contradictions` are reasons,
-    (message, y, z) with multipliers of rows as proof.
+    `kept` and `fixed` are columns of `qp`. `side_of` are the rows of qp.G that give
+    `sides`, -1 for none, `b_of` the rows of qp.A with the extreme right-hand sides of
+    an equation; b is their mean. `contradictions`: (message, y, z), with a proof.
     """
 
     qp: QP
@@ -95,10 +93,7 @@ class Presolved(NamedTuple):
     G_groups: Groups
 
     def guess(self, guess):
-        """Return (x, y, z, z_box, active) of a guess; z: of `sides`, (2, m).
-
-        active: whether these sides, upper and lower bounds are.
-        """
+        """Return (x, y, z, z_box, active): z of `sides`, active of these and bounds."""
         y = (guess.y * self.A_groups.ratio)[self.b_of]
         y[1, self.b_of[0] == self.b_of[1]] = 0.0
         # with an entry for -1, no row
@@ -110,10 +105,7 @@ class Presolved(NamedTuple):
         return guess.x[self.kept], y.sum(0), z, guess.z_box[self.kept], active
 
     def point(self, x, y, z, z_box, data=1.0):
-        """Return the point of `qp`; the two extreme rows of an equation share its y.
-
-        z: of `sides`, (2, m).
-        """
+        """Return the point of `qp`; the two extreme rows of an equation share its y."""
         qp, (full, y_full, z_full, _) = self.qp, self.qp.point()
         np.add.at(y_full, self.b_of, 0.5 * y / self.A_groups.ratio[self.b_of])
         hand_on(z, self.side_of, self.G_groups.ratio, z_full)
@@ -129,10 +121,7 @@ class Presolved(NamedTuple):
 
 
 def presolve(qp, eps_abs, eps_rel, last=None):
-    """Return the smaller problem of a QP in CSC; reuse the matrices of `last` if equal.
-
-    The tolerances decide which constraints contradict each other.
-    """
+    """Return the smaller problem of a QP in CSC; reuse matrices of `last` if equal."""
     _, q, _, h, _, b, lb, ub = qp
     stays = constant(q.size, True, np.bool_)
     find_fixed(lb, ub, stays)
@@ -168,14 +157,12 @@ def presolve(qp, eps_abs, eps_rel, last=None):
 
 
 def find_fixed(lb, ub, stays):
-    """Clear the marks of the columns that their bounds fix."""
     for j in range(lb.shape[0]):
         if fabs(lb[j]) < INFINITY and fabs(ub[j]) < INFINITY:
             stays[j] = not ub[j] - lb[j] <= FIXED * max(1.0, fabs(lb[j]))
 
 
 def hand_on(z, rows, ratio, full):
-    """Set the multipliers of the rows that give sides, from those of the sides."""
     for half in range(2):
         for k in range(rows.shape[1]):
             i = rows[half, k]
@@ -184,10 +171,7 @@ def hand_on(z, rows, ratio, full):
 
 
 def merged(name, groups, values, tol):
-    """Return the sides of each group of rows, the rows that give them, contradictions.
-
-    These are messages and multipliers.
-    """
+    """Return the sides of each group, the rows that give them, contradictions."""
     equal, (number, ratio, first) = name == "A", groups
     found = []
     i = wrong_empty_row(number, values, equal, tol)
@@ -231,11 +215,11 @@ def leading_rows(M, columns, wanted):
 def group_rows(indptr, indices, data, key, table, number, ratio, first):
     """Group the rows of a CSR matrix that are proportional; return how many groups.
 
-    number, ratio and first are overwritten as in `Groups`, the matrix by its leaders,
-    `key` by the bits of their keys in single precision, so that rounding errors seldom
-    change them; `table`, -1 on entry, is a hash table with open addressing. The key of
-    a row is sum |a_ij| w_ij / |first a_ij| with the weights of GOLDEN, plus 1 where the
-    signs of a_ij and of the first entry differ.
+    number, ratio and first are overwritten as in `Groups`, the matrix by its leaders;
+    `table`, -1 on entry, is a hash table with open addressing. The key of a row is sum
+    |a_ij| w_ij / |first a_ij| with the weights of GOLDEN, plus 1 where the signs of
+    a_ij and of the first entry differ; in single precision, so that rounding errors
+    seldom change it.
     """
     mask: cython.longlong = table.shape[0] - 1
     kept: cython.int = 0
@@ -305,8 +289,7 @@ def merge_rows(number, ratio, sides, equal, tol, least, giver):
     """Merge the rows of each group, c g'x <= d or = d, to -least[1] <= g'x <= least[0].
 
     `giver` takes the rows that give these sides, -1 for none. Returns the first group
-    without a point in its range, both sides widened by `tol` in the units of their
-    rows, or -1.
+    without a point in its range widened by `tol`, in the units of its rows, or -1.
     """
     count = least.shape[1]
     for half in range(2):
@@ -332,8 +315,8 @@ def merge_rows(number, ratio, sides, equal, tol, least, giver):
 class Substitution(NamedTuple):
     """The QP `user` without the free `columns`, substituted by the rows `by` of A.
 
-    a_it is `pivot`, p is `cost`, and `rest` is A[by, kept]. The columns `kept` and the
-    rows `others` of A remain.
+    a_it is `pivot`, p is `cost`, and `rest` is A[by, kept]; `kept` and the rows
+    `others` of A remain.
     """
 
     user: QP
@@ -381,8 +364,7 @@ class Substitution(NamedTuple):
 def substitute(qp, last=None, deadline=NEVER):
     """Return the `Substitution` of a sparse QP; None if there is none, or lb > ub.
 
-    The matrices of `last` are reused if qp has the same matrices and the same infinite
-    bounds. Raises OutOfTime.
+    Matrices of `last` are reused if those of qp are the same. Raises OutOfTime.
     """
     if last is not None and (
         qp.has_matrices_of(last.user)
@@ -421,8 +403,7 @@ def substitute(qp, last=None, deadline=NEVER):
 def find_free_columns(qp, chosen, pivot, cost, largest):
     """Choose the free columns with the largest entry in their row.
 
-    Row i of A substitutes column chosen[i], none where that is -1; pivot and cost take
-    the entry and p. All these (p,) are overwritten.
+    Row i of A substitutes column chosen[i], none where that is -1.
     """
     P: Columns
     G: Columns
