@@ -74,5 +74,4 @@ def solve_bounds(qp, chain, guess, judge, memory):
 
 
 def point_of(qp, chain, z):
-    """Return the user's point for z of the LCP."""
     return chain.point(z, NO_ENTRIES, NO_ENTRIES, -(times(qp.P, z) + qp.q))

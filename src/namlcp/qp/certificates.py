@@ -96,10 +96,7 @@ def add_term(c, side, multiplier):
 
 
 def prove_infeasible(c, x, y, z, z_box):
-    """Make y, z and z_box a certificate with value -1, if y and z allow it.
-
-    x: the point at hand; c.dual becomes the residual.
-    """
+    """Make y, z and z_box a certificate with value -1, if y and z allow it at x."""
     n, p, s, factor = c.n, c.p, c.r, 1.0
     for i in range(c.m):
         if z[i] <= 0.0 or isinf(c.h[i]):  # NaN is kept
@@ -132,10 +129,9 @@ def prove_infeasible(c, x, y, z, z_box):
 
 
 def prove_unbounded(c, x, y, z, d):
-    """Make d a ray with q'd = -1, if that allows it.
+    """Make d, clipped to the bounds' recession cone, a ray with q'd = -1, if it can be.
 
-    d is clipped to the recession cone of the bounds. (x, y, z): the point at hand;
-    c.dual becomes |P d|, c.primal the largest of |A d| and (G d)+.
+    (x, y, z): the point at hand; c.primal becomes the largest of |A d| and (G d)+.
     """
     n, p, m, r, value, moduli = c.n, c.p, c.m, c.r, 0.0, 0.0
     for j in range(n):
@@ -228,7 +224,7 @@ def add_transposed(M, y, out):
 
 
 def take_matrix(M, array):
-    """Note a matrix, dense or in CSC; return what has its numbers."""
+    """Note a matrix; return the array that has its numbers."""
     if type(array) is np.ndarray:
         array = np.ascontiguousarray(array, float)
         M.lines, M.width, M.starts = array.shape[0], array.shape[1], cython.NULL
@@ -243,8 +239,8 @@ def take_matrix(M, array):
 def accepted(qp, point, d, tol):
     """Return a certificate of value -1, its point and residuals; None if there is none.
 
-    point: (x, y, z) at hand, of which y and z are to prove that the QP is infeasible; a
-    ray d, if not None, that it is unbounded. tol: the absolute tolerance.
+    Of (x, y, z) at hand y and z are to prove that the QP is infeasible; a ray d, if not
+    None, that it is unbounded. tol: the absolute tolerance.
     """
     P: Matrix
     G: Matrix

@@ -80,7 +80,6 @@ class Rows(NamedTuple):
 
     C holds the rows of G, then the bounds of finite weight x_j <= ub_j (j in `upper`)
     and -x_j <= -lb_j (j in `lower`), then the rows of A; lb and ub are infinite there.
-    `weights` is infinite in rows that must not be shifted.
     """
 
     C: Any
@@ -147,10 +146,7 @@ def rows_of(qp: QP, relaxation: Relaxation) -> Rows:
 
 
 def least_shifts(rows: Rows) -> QP:
-    """Return stage 1: the QP in (x, r), or the LP in (x, r+, r-) with r- in equations.
-
-    A row that is not shifted has no r.
-    """
+    """Return stage 1: the QP in (x, r), or the LP in (x, r+, r-)."""
     n, dense = rows.lb.size, isinstance(rows.C, np.ndarray)
     soft = np.flatnonzero(np.isfinite(rows.weights) & (rows.d < np.inf))
     signs = np.repeat(-1.0, soft.size)
@@ -176,10 +172,7 @@ def least_shifts(rows: Rows) -> QP:
 
 
 def weights_of(qp: QP, relaxation: Relaxation) -> dict[str, np.ndarray]:
-    """Return the weight of each entry of h, b, lb and ub.
-
-    Raises ValueError where there are too many or too few.
-    """
+    """Return the weight of each entry of h, b, lb and ub; raise unless they fit."""
     found = {}
     for side in SIDES:
         value, own = getattr(relaxation, side), getattr(qp, side)
@@ -218,8 +211,7 @@ def chosen(C: Any, rows: np.ndarray, columns: np.ndarray | None = None) -> Any:
 class Face(NamedTuple):
     """The x of all solutions of stage 1: C x <= d + r, = or >= for sense 1, 0, -1.
 
-    x, v, v_box: one of them. r: its shifts in norm 2, else 0. lb = ub where x_j stays
-    at a bound.
+    x, v, v_box: one of them. r: its shifts in norm 2, else 0.
     """
 
     rows: Rows
@@ -359,8 +351,7 @@ class Nearest(NamedTuple):
     stages: tuple[Face, QP, Point] | None = None
 
 
-StageOne = tuple[Rows, Outcome, Face | None]
-"""The rows, the answer of stage 1, and all its solutions if it is solved."""
+StageOne = tuple[Rows, Outcome, Face | None]  # the last if it is solved
 
 
 def nearest(
@@ -422,7 +413,6 @@ def stage_one(rows: Rows, exactly: Callable[[QP], Outcome]) -> StageOne:
 def solve_exactly(
     qp: QP, limits: Limits, solve: Solve, guess: Guess = NO_GUESS
 ) -> Outcome:
-    """Return the answer of `solve` to STAGE_TOLERANCES, or to those of the limits."""
     eps_abs, eps_rel = np.minimum(limits.tolerances, STAGE_TOLERANCES).tolist()
     answer = solve(qp, guess, limits._replace(eps_abs=eps_abs, eps_rel=eps_rel))
     if answer.status is Status.STALLED and answer.residuals.solved(*limits.tolerances):

@@ -83,7 +83,7 @@ class Judge:
     def offer(self, point):
         """Measure the point on its bounds, or within them, or with rounding corrected.
 
-        Returns the least of their largest residuals over tolerances.
+        Returns the least ratio.
         """
         least, z = INFINITY, np.maximum(point.z, 0.0)
         for moves in (True, False):
@@ -104,7 +104,6 @@ class Judge:
         return least
 
     def misses_gap(self):
-        """Tell whether the gap alone of the last point offered misses its tolerance."""
         return self.ratio(self.offered._replace(gap=0.0)) <= 1.0
 
     def measure(self, point):
@@ -180,7 +179,7 @@ class Judge:
         return doubt is not None and doubt(self)
 
     def answer(self, status, iterations, method, message=""):
-        """Return the certificate, or the best point; SOLVED without one is STALLED."""
+        """Return the certificate, or the best point; what it cannot show is STALLED."""
         if self.proof is not None:
             return Outcome(*self.proof, iterations, method, message)
         if self.point is None:
@@ -204,7 +203,6 @@ def are_own(given, qp):
 
 
 def norm(M):
-    """Return the 2-norm of all entries, without overflow or a warning of it."""
     entries = M if type(M) is np.ndarray else M.data
     return dnrm2(entries.ravel(order="K")) if entries.size else 0.0
 
@@ -224,7 +222,6 @@ def is_correctable(found, eps_abs, eps_rel):
 
 
 def corrections(qp, point, found, eps_abs, eps_rel):
-    """Yield points with smaller residuals than those `found` at this one."""
     tol = eps_abs + eps_rel * found.dual_size
     for share, rest in SHARES:
         new, seen = point, found
@@ -245,7 +242,7 @@ def corrections(qp, point, found, eps_abs, eps_rel):
 def correct_dual_residual(qp, point, tol, rest=0.0):
     """Return the point with dual residuals above `tol` removed by z_box or x.
 
-    x takes Jacobi steps on the Lagrangian, and leaves residuals of modulus `rest`.
+    x takes Jacobi steps, which leave residuals of modulus `rest`.
     """
     x, y, z, z_box = point
     Gtz, Aty = np.zeros((2, x.size))

@@ -56,10 +56,9 @@ LARGEST = 20.0
 class KKT:
     """K for P (both triangles stored), A and G, with the factors of K~.
 
-    indptr, indices, base: the upper triangle of K in CSC, all diagonal entries stored.
-    data: the values of K~, of which the caller writes data[diagonal]. factored: the
-    `data` that `factors` belong to; those of `last` if it has the same pattern. n,
-    size: the orders of P and K.
+    base: the values of K, all diagonal entries stored. data: those of K~, of which the
+    caller writes data[diagonal]. factored: the `data` that `factors` belong to; those
+    of `last` if it has the same pattern. n, size: the orders of P and K.
     """
 
     def __init__(self, P, A, G, last=None):
@@ -301,7 +300,7 @@ def find_finite(small, units):
 def equilibrate(indptr, indices, data, scale):
     """Equilibrate a symmetric matrix (upper triangle in CSC); overwrite data and scale.
 
-    `scale` has factors to begin with, which are not in `data` yet, or 1.
+    `scale` has factors to begin with, which are not in `data` yet.
     """
     K: Matrix
     size: Py_ssize_t = scale.size
@@ -322,8 +321,7 @@ def equilibrate(indptr, indices, data, scale):
 def equilibrate_parts(P, A, G, n, p, m, units, largest):
     """Multiply units, of x, y and z, by factors that equilibrate K.
 
-    P may be its upper triangle; parts that are NULL count as 0, and an empty row keeps
-    its factor. largest: work space.
+    P may be its upper triangle; parts that are NULL count as 0. largest: work space.
     """
     size = n + p + m
     for _ in range(ROUNDS):

@@ -250,8 +250,7 @@ ACTIVE = 1e-7
 class Guess(NamedTuple):
     """A guess of the solution; all arrays are empty where there is none.
 
-    active (m + 2 n,) int8 is 1 for active rows of G, lower bounds and upper bounds, in
-    this order. The multipliers are zero where only x was given.
+    active (m + 2 n,) int8 is 1 for active rows of G, lower bounds and upper bounds.
     """
 
     x: np.ndarray

@@ -57,7 +57,7 @@ PIVOT = 1e-3
 class Groups(NamedTuple):
     """Row i of a matrix is ratio[i] times the leader number[i] of its group.
 
-    number[i] is UNWANTED or EMPTY for a row that was not wanted or is empty.
+    number[i] may be UNWANTED or EMPTY, too.
     """
 
     number: np.ndarray
@@ -67,10 +67,9 @@ class Groups(NamedTuple):
 class Presolved(NamedTuple):
     """min 1/2 x'Px + q'x, A x = b, -sides[1] <= G x <= sides[0], lb <= x <= ub.
 
-    A and G are in CSR. `kept` and `fixed` are columns of `qp`. `side_of` are the rows
-    of qp.G that give `sides`, -1 for none, `b_of` the rows of qp.A with the extreme
-    right-hand sides of an equation; b is their mean. `contradictions` are reasons,
-    (message, y, z) with multipliers of rows as proof.
+    `kept` and `fixed` are columns of `qp`. `side_of` are the rows of qp.G that give
+    `sides`, -1 for none, `b_of` the rows of qp.A with the extreme right-hand sides of
+    an equation; b is their mean. `contradictions`: (message, y, z), with a proof.
     """
 
     qp: QP
@@ -92,10 +91,7 @@ class Presolved(NamedTuple):
     G_groups: Groups
 
     def guess(self, guess):
-        """Return (x, y, z, z_box, active) of a guess; z: of `sides`, (2, m).
-
-        active: whether these sides, upper and lower bounds are.
-        """
+        """Return (x, y, z, z_box, active): z of `sides`, active of these and bounds."""
         y = (guess.y * self.A_groups.ratio)[self.b_of]
         y[1, self.b_of[0] == self.b_of[1]] = 0.0
         # with an entry for -1, no row
@@ -107,10 +103,7 @@ class Presolved(NamedTuple):
         return guess.x[self.kept], y.sum(0), z, guess.z_box[self.kept], active
 
     def point(self, x, y, z, z_box, data=1.0):
-        """Return the point of `qp`; the two extreme rows of an equation share its y.
-
-        z: of `sides`, (2, m).
-        """
+        """Return the point of `qp`; the two extreme rows of an equation share its y."""
         qp, (full, y_full, z_full, _) = self.qp, self.qp.point()
         hand_on(y, self.b_of, self.A_groups.ratio, True, y_full)
         hand_on(z, self.side_of, self.G_groups.ratio, False, z_full)
@@ -360,8 +353,8 @@ def merge_rows(rows, number, ratio, sides, equal, tol, ends, givers):
 class Substitution(NamedTuple):
     """The QP `user` without the free `columns`, substituted by the rows `by` of A.
 
-    a_it is `pivot`, p is `cost`, and `rest` is A[by, kept]. The columns `kept` and the
-    rows `others` of A remain.
+    a_it is `pivot`, p is `cost`, and `rest` is A[by, kept]; `kept` and the rows
+    `others` of A remain.
     """
 
     user: QP
@@ -409,8 +402,7 @@ class Substitution(NamedTuple):
 def substitute(qp, last=None, deadline=NEVER):
     """Return the `Substitution` of a sparse QP; None if there is none, or lb > ub.
 
-    The matrices of `last` are reused if qp has the same matrices and the same infinite
-    bounds. Raises OutOfTime.
+    Matrices of `last` are reused if those of qp are the same. Raises OutOfTime.
     """
     if last is not None and (
         qp.has_matrices_of(last.user)

@@ -152,7 +152,7 @@ def solve_transformed(qp, guess, judge, memory):
     """
     memory, substitution, last = memory or Memory(), None, solve_by_engines
     if not qp.is_dense and qp.h.size + qp.b.size > 0:
-        if entries_of(qp) <= TINY_ENTRIES and takes_dense(qp):
+        if entries_of(qp) <= TINY_ENTRIES and takes_dense(qp):  # once, as it came
             found = solve_dense(qp, NO_TRANSFORMS, guess, judge)
             if found is not None and found.status in ENDS:
                 return found

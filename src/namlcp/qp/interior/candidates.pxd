@@ -1,6 +1,6 @@
 from namlcp.qp.interior.state cimport Interior
 
-cdef double OFF, RESIDUAL_GOAL, WRONG_SIGN, SHIFT
+cdef double OFF, RESIDUAL_GOAL, SMALL_ENOUGH, WRONG_SIGN, FIRST_SHIFT, SECOND_SHIFT
 cdef double GOOD_ENOUGH, FAR, FALL
 cdef double CONVERGING, PROMISING, AGAIN, RAY_SHIFT, PROJECTION, PROJECTED, NEARLY_ACTIVE
 cdef enum:
@@ -14,7 +14,7 @@ cdef void hold(Interior m) noexcept nogil
 cdef double set_residual(Interior m) noexcept nogil
 cdef void choose_next_set(Interior m) noexcept nogil
 cdef bint promises(Interior m) noexcept nogil
-cdef double farkas_ratio(Interior m, const double* dy) noexcept nogil
+cdef double farkas_ratio(Interior m) noexcept nogil
 cdef double ray_ratio(Interior m) noexcept nogil
 cdef object find_proof(Interior m)
 cdef bint proves(Interior m, int k, tuple candidate) except -1

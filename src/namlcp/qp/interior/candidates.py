@@ -34,13 +34,15 @@ from namlcp.status import Status
 
 # Modulus of a diagonal entry of K~ that fixes a variable or drops a row.
 OFF = 1e20
-# Unscaled residual that ends the iterations.
-RESIDUAL_GOAL = 1e-14
+# Unscaled residual that ends the iterations. A first one below SMALL_ENOUGH counts as
+# that in the demand for a tenfold reduction.
+RESIDUAL_GOAL, SMALL_ENOUGH = 1e-14, 1e-11
 # A scaled multiplier or slack below minus this has the wrong sign.
 WRONG_SIGN = 1e-12
-# Added to the diagonal of P, and subtracted for rows: of an active set, and of the
-# system of a ray. With 1e-9, L D L' of singular systems breaks down.
-SHIFT, RAY_SHIFT = 1e-7, 1e-6
+# Added to the diagonal of P, and subtracted for rows. The second is tried where L D L'
+# breaks down with the first, or where the iterations do not reduce the residual
+# tenfold: the KKT system of the active set is singular then. The third: for rays.
+FIRST_SHIFT, SECOND_SHIFT, RAY_SHIFT = 1e-9, 1e-7, 1e-6
 # Residual over its tolerance, on unscaled data, up to which no other set is tried.
 GOOD_ENOUGH = 1e-2
 # Violation of a slack or multiplier over the tolerance above which a point is not worth
@@ -66,13 +68,18 @@ NEARLY_ACTIVE = -1e-3
 def refine(m):
     """Try active sets, beginning with the point `start` and its set.
 
-    Offers the points found to the judge.
+    Offers the points found to the judge. A larger shift that succeeds stays.
     """
     best = violation = INFINITY
-    m.regularisation = SHIFT
+    m.regularisation = FIRST_SHIFT
     for _ in range(MOST_SETS):
         with cython.nogil:
             solve_set(m)
+            if m.regularisation == FIRST_SHIFT and not m.converged:
+                m.regularisation = SECOND_SHIFT
+                solve_set(m)
+                if not m.converged:
+                    m.regularisation = FIRST_SHIFT
         if m.over or not m.is_factored:
             return 0
         if m.set_violation <= FAR * m.tol or not m.set_changed:
@@ -98,14 +105,16 @@ def solve_set(m):
     The iterations end when the residual is rounding, or twice in a row not halved.
     """
     hold(m)
-    m.is_factored = factor(m)
+    m.converged, m.is_factored = False, factor(m)
     if not m.is_factored:
         return
-    least = INFINITY
+    first = least = INFINITY
     failures = 0
     for k in range(PROXIMAL_STEPS + 1):
         error = set_residual(m)
         failures = 0 if error < 0.5 * least else failures + 1
+        if k == 0:
+            first = max(error, SMALL_ENOUGH)
         if error < least or k == 0:
             least = error
             copy(m.u, m.least_u, m.size)
@@ -115,6 +124,7 @@ def solve_set(m):
         for j in range(m.size):
             if not m.held[j]:
                 m.u[j] += m.answer[j]
+    m.converged = least <= 0.1 * first
     choose_next_set(m)
 
 
@@ -219,7 +229,7 @@ def promises(m):
     for k in range(m.m):
         dv[m.place[k]] += m.sign[k] * max(dZ[k], 0.0)
     multiply(m, du, dv, m.Pdx, m.Ctdv, m.dt)
-    ratios[0] = farkas_ratio(m, du + m.n) if primal else INFINITY
+    ratios[0] = farkas_ratio(m) if primal else INFINITY
     ratios[1] = ray_ratio(m) if dual else INFINITY
     found: cython.bint = False
     for k in range(2):
@@ -230,9 +240,9 @@ def promises(m):
     return found
 
 
-def farkas_ratio(m, dy):
+def farkas_ratio(m):
     """Return min(|r| |x| / -value, |r| / |multipliers|), inf if value >= 0."""
-    dZ = m.step.dZ
+    dy, dZ = m.step.du + m.n, m.step.dZ
     value = most = residual = 0.0
     for i in range(m.p):
         value += m.b[i] * dy[i]

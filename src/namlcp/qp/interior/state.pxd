@@ -48,10 +48,11 @@ cdef class Interior(Watched):
         # set, and the one found, with the next set; its unknowns, those of the least
         # residual, the right-hand side of rows; flags of what is held; its
         # regularisation, and the largest violation of a slack or multiplier, unscaled;
-        # whether it was factored, and whether the next active set is another.
+        # whether it was factored, whether its residual fell tenfold, whether the next
+        # active set is another.
         double *start, *found, *u, *least_u, *goal, *held
         double regularisation, set_violation
-        bint is_factored, set_changed
+        bint is_factored, converged, set_changed
         # Tolerances, the larger one, and the relative residual that ends a refinement;
         # that at which refinement last came to a halt.
         double eps_abs, eps_rel, tol, accuracy, attained
