@@ -38,7 +38,8 @@ FORM = "bounds"
 def solve_bounds(qp, chain, guess, judge, memory):
     """Solve a QP with bounds alone as a box LCP; None if that decides nothing."""
     limits, z0 = judge.limits, guess.x if guess.x.size else None
-    limits.deadline.check()  # to copy and check a dense P may have taken long
+    if qp.is_dense:  # to copy and check it may have taken long
+        limits.deadline.check()
     convex = not qp.is_dense and qp.q.size >= LARGE_LCP
     if convex:
         memory.ensure_convex(qp.P, limits.deadline)
