@@ -31,8 +31,8 @@ ROUNDING = 1e-13
 # On a face: weight of the proximal term, relative to the unit diagonal, and its steps
 # at most; each must halve the residual of the equations.
 PROXIMAL, REFINEMENTS = 1e-8, 6
-# Faces at most.
-FACES = 8
+# Faces at most; faces in a row without fewer wrong signs that end the search.
+FACES, PATIENCE = 8, 3
 # rho, relative to the unit diagonal: of the first step, its factor to the next, and its
 # least value. Newton's steps at most; bisections of [0, 1] for the zero of phi'.
 RHO, FALL, LEAST_RHO = 1e-5, 0.1, 1e-8
@@ -43,6 +43,7 @@ def finish(model: Distances, system: System, p: np.ndarray) -> Iterator[np.ndarr
     """Yield points on one face after another, one factorisation each."""
     s = p - model.F(p)
     low, high = s <= model.lower, s >= model.upper
+    fewest, patience = s.size + 1, PATIENCE
     for _ in range(FACES):
         x = np.where(low, model.lower, np.where(high, model.upper, p))
         solve_on_face(model, system, ~(low | high), x)
@@ -51,7 +52,12 @@ def finish(model: Distances, system: System, p: np.ndarray) -> Iterator[np.ndarr
         yield np.clip(x, model.lower, model.upper)
         under, over = x < model.lower - zero, x > model.upper + zero
         rises, falls = low & (F < -zero), high & (F > zero)
-        if not (under | over | rises | falls).any() or not np.isfinite(F).all():
+        wrong = int(np.count_nonzero(under | over | rises | falls))
+        if wrong < fewest:
+            fewest, patience = wrong, PATIENCE
+        else:
+            patience -= 1
+        if wrong == 0 or patience == 0 or not np.isfinite(F).all():
             return
         low = (low & ~rises) | under
         high = (high & ~falls) | over
