@@ -1,3 +1,5 @@
+from namlcp.linalg.vectors cimport hash_of
+
 from numpy cimport ndarray, npy_intp
 
 cpdef enum Order:

@@ -9,7 +9,6 @@ import numpy as np
 from cython import Py_ssize_t
 from cython.cimports import numpy as cnp
 from cython.cimports.libc.math import fabs
-from cython.cimports.namlcp.linalg.vectors import hash_of
 from scipy.sparse import csc_array, csr_array
 
 cnp.import_array()

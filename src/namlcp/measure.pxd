@@ -1,3 +1,10 @@
+from namlcp.arrays cimport data_of, new_vector, numbers
+from namlcp.box cimport clip, deviation
+from namlcp.linalg.blas cimport blas_dot
+from namlcp.linalg.csc cimport Columns, columns_times, columns_times_transposed
+from namlcp.linalg.csc cimport take_columns
+from namlcp.linalg.vectors cimport fill
+
 from numpy cimport ndarray
 
 cdef double LARGE_TERM

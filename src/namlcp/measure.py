@@ -8,16 +8,6 @@ import cython
 import numpy as np
 from cython import Py_ssize_t
 from cython.cimports.libc.math import INFINITY, NAN, fabs, isinf, sqrt
-from cython.cimports.namlcp.arrays import data_of, new_vector, numbers
-from cython.cimports.namlcp.box import clip, deviation
-from cython.cimports.namlcp.linalg.blas import blas_dot
-from cython.cimports.namlcp.linalg.csc import (
-    Columns,
-    columns_times,
-    columns_times_transposed,
-    take_columns,
-)
-from cython.cimports.namlcp.linalg.vectors import fill
 
 # If all terms of the gap are smaller than this, then its rounding error is below 1e-12
 # in whatever order they are added.

@@ -1,5 +1,11 @@
-from namlcp.measure cimport Terms
+from namlcp.arrays cimport indices, numbers, places, signs
+from namlcp.linalg.blas cimport add_gram, cholesky, solve_rows
+from namlcp.linalg.dense cimport add_times_transposed, backward_solve, forward_solve
+from namlcp.linalg.dense cimport times_rows, triangle_solve, triangle_solve_transposed
+from namlcp.linalg.vectors cimport add_scaled, dot, fill, largest_entry
+from namlcp.measure cimport Terms, set_terms
 from namlcp.qp.active.dense cimport DenseActiveSet
+from namlcp.qp.active.engine cimport response_of
 
 cdef double ACTIVE, LEAST_PIVOT
 cdef enum:

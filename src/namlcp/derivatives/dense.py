@@ -21,20 +21,6 @@ import numpy as np
 from cython import Py_ssize_t
 from cython.cimports import numpy as cnp
 from cython.cimports.libc.math import fabs, sqrt
-from cython.cimports.namlcp.arrays import indices, numbers, places, signs
-from cython.cimports.namlcp.linalg.blas import add_gram, cholesky, solve_rows
-from cython.cimports.namlcp.linalg.dense import (
-    add_times_transposed,
-    backward_solve,
-    forward_solve,
-    times_rows,
-    triangle_solve,
-    triangle_solve_transposed,
-)
-from cython.cimports.namlcp.linalg.vectors import add_scaled, dot, fill, largest_entry
-from cython.cimports.namlcp.measure import Terms, set_terms
-from cython.cimports.namlcp.qp.active.dense import DenseActiveSet
-from cython.cimports.namlcp.qp.active.engine import response_of
 
 from namlcp.checks import as_sparse
 from namlcp.linalg.csc import add_transposed, times

@@ -1,3 +1,8 @@
+from namlcp.arrays cimport numbers, places
+from namlcp.box cimport clip
+from namlcp.linalg.blas cimport blas_dot
+from namlcp.linalg.vectors cimport dot
+
 cdef double INFINITE
 
 # Most unknowns of a dense LCP that is small: its products are our own loops, and "auto"

@@ -3,10 +3,6 @@
 import cython
 import numpy as np
 from cython.cimports.libc.math import INFINITY, fabs, sqrt
-from cython.cimports.namlcp.arrays import numbers, places
-from cython.cimports.namlcp.box import clip
-from cython.cimports.namlcp.linalg.blas import blas_dot
-from cython.cimports.namlcp.linalg.vectors import dot
 
 from namlcp import checks
 

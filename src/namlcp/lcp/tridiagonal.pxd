@@ -1,3 +1,8 @@
+from namlcp.arrays cimport numbers, signs
+from namlcp.box cimport clip
+from namlcp.linalg.vectors cimport copy, fill
+from namlcp.measure cimport are_met
+
 cdef double SIGN_ROUNDING, SAME_PIVOT
 
 # Rows of a tridiagonal matrix: its diagonals, 1 / pivot, 1 / sqrt(a_ii).

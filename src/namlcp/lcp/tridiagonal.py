@@ -14,10 +14,6 @@ that no divisions are needed from there on.
 import cython
 import numpy as np
 from cython.cimports.libc.math import NAN, fabs, sqrt
-from cython.cimports.namlcp.arrays import numbers, signs
-from cython.cimports.namlcp.box import clip
-from cython.cimports.namlcp.linalg.vectors import copy, fill
-from cython.cimports.namlcp.measure import are_met
 
 from namlcp.status import Status
 

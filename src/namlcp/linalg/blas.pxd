@@ -1,3 +1,5 @@
+from namlcp.linalg.vectors cimport fill
+
 cdef void blas_times(const double* C, int rows, int columns, const double* x, double* out, char letter) noexcept nogil
 cdef double blas_dot(const double* a, const double* b, int n) noexcept nogil
 cdef void times_lower(double* X, int count, int width, const double* V, int n, char letter) noexcept nogil

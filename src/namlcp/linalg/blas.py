@@ -6,7 +6,6 @@ passed on by its address.
 
 import cython
 from cython import address, cast, p_double
-from cython.cimports.namlcp.linalg.vectors import fill
 from cython.cimports.scipy.linalg.cython_blas import (
     ddot,
     dgemv,

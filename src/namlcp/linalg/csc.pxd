@@ -1,3 +1,5 @@
+from namlcp.arrays cimport are_places, fits, indices as longs, numbers, places
+
 cdef struct Columns:
     # A sparse matrix in CSC.
     const int *indptr

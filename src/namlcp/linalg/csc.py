@@ -10,8 +10,6 @@ import cython
 import numpy as np
 from cython import Py_ssize_t
 from cython.cimports.libc.math import fabs, sqrt
-from cython.cimports.namlcp.arrays import are_places, fits, numbers, places
-from cython.cimports.namlcp.arrays import indices as longs
 from scipy.sparse import csr_array
 
 from namlcp.arrays import constant, transposed

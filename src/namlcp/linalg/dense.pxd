@@ -1,3 +1,5 @@
+from namlcp.linalg.vectors cimport add_four, add_scaled, copy, dot, fill, four_dots
+
 cdef double HUGE
 
 cdef Py_ssize_t factor_in_place(double* L, Py_ssize_t n, double least) noexcept nogil

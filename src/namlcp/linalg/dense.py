@@ -8,14 +8,6 @@ for L).
 """
 
 from cython.cimports.libc.math import sqrt
-from cython.cimports.namlcp.linalg.vectors import (
-    add_four,
-    add_scaled,
-    copy,
-    dot,
-    fill,
-    four_dots,
-)
 
 # The diagonal entry of L for a row that depends on those before it.
 HUGE = 1e100

@@ -1,5 +1,7 @@
-from namlcp.linalg.sparse_ldl cimport Factors
-from namlcp.limits cimport Watched
+from namlcp.arrays cimport indices as longs, numbers, places
+from namlcp.limits cimport OFTEN, Watched, is_over
+from namlcp.linalg.sparse_ldl cimport Factors, LEAST
+from namlcp.linalg.vectors cimport add_scaled, copy, dot, fill, four_dots, subtract_sum
 
 cdef double WORTH
 cdef enum:

@@ -26,18 +26,6 @@ import numpy as np
 from cython import Py_ssize_t, address, cast, p_double, p_void
 from cython.cimports.libc.math import isfinite
 from cython.cimports.libc.string import memset
-from cython.cimports.namlcp.arrays import indices as longs
-from cython.cimports.namlcp.arrays import numbers, places
-from cython.cimports.namlcp.limits import OFTEN, Watched, is_over
-from cython.cimports.namlcp.linalg.sparse_ldl import LEAST, Factors
-from cython.cimports.namlcp.linalg.vectors import (
-    add_scaled,
-    copy,
-    dot,
-    fill,
-    four_dots,
-    subtract_sum,
-)
 from cython.cimports.scipy.linalg.cython_blas import dgemm, dtrsm
 
 from namlcp.linalg.ordering import supernodes

@@ -1,4 +1,5 @@
-from namlcp.limits cimport Watched
+from namlcp.arrays cimport indices as longs, places, signs
+from namlcp.limits cimport Watched, is_over, raise_kept
 
 cdef double ABOVE_ROOT, ABOVE_MEAN, OPERATIONS
 cdef enum:

@@ -25,9 +25,6 @@ import numpy as np
 from cython import Py_ssize_t
 from cython.cimports.libc.math import sqrt
 from cython.cimports.libc.stdlib import free, malloc, realloc
-from cython.cimports.namlcp.arrays import indices as longs
-from cython.cimports.namlcp.arrays import places, signs
-from cython.cimports.namlcp.limits import Watched, is_over, raise_kept
 from scipy.sparse import csc_matrix, triu
 
 from namlcp.checks import constant, refuse_size, transposed

@@ -1,4 +1,6 @@
-from namlcp.limits cimport Watched
+from namlcp.arrays cimport data_of, indices as longs_at, new_vector, numbers, places
+from namlcp.limits cimport Watched, is_over, raise_kept
+from namlcp.linalg.ordering cimport append_rows
 
 cdef double LEAST, LOOK_AFTER
 cdef enum:

@@ -26,10 +26,6 @@ import numpy as np
 from cython import Py_ssize_t
 from cython.cimports import numpy as cnp
 from cython.cimports.libc.math import isfinite
-from cython.cimports.namlcp.arrays import data_of, new_vector, numbers, places
-from cython.cimports.namlcp.arrays import indices as longs_at
-from cython.cimports.namlcp.limits import Watched, is_over, raise_kept
-from cython.cimports.namlcp.linalg.ordering import append_rows
 
 from namlcp.checks import refuse_size
 from namlcp.limits import NEVER, OutOfTime

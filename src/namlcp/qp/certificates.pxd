@@ -1,4 +1,6 @@
-from namlcp.qp.kkt cimport Matrix
+from namlcp.arrays cimport numbers, places
+from namlcp.linalg.vectors cimport fill, largest_entry
+from namlcp.qp.kkt cimport Matrix, equilibrate_parts, first_of, place_of
 
 cdef double VALUE_ROUNDING, RESIDUAL, RADIUS, EXACT_RESIDUAL, MARGIN, ROUNDED_VALUE, CANCELLED
 

@@ -23,14 +23,6 @@ import cython
 import numpy as np
 from cython import Py_ssize_t
 from cython.cimports.libc.math import INFINITY, NAN, fabs, isinf
-from cython.cimports.namlcp.arrays import numbers, places
-from cython.cimports.namlcp.linalg.vectors import fill, largest_entry
-from cython.cimports.namlcp.qp.kkt import (
-    Matrix,
-    equilibrate_parts,
-    first_of,
-    place_of,
-)
 
 from namlcp.qp.bounds import is_box_open
 from namlcp.qp.problem import Point

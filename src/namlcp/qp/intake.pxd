@@ -1,3 +1,6 @@
+from namlcp.arrays cimport CANONICAL, are_long, are_places, data_of, dense_asymmetry, fits
+from namlcp.arrays cimport index_order, narrowed, sparse_asymmetry
+
 cdef double INFINITE
 
 cpdef object qp_data(object P, object q, object G, object h, object A, object b, object lb, object ub)

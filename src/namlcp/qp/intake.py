@@ -7,17 +7,6 @@ import cython
 from cython import Py_ssize_t
 from cython.cimports import numpy as cnp
 from cython.cimports.libc.math import INFINITY, fabs
-from cython.cimports.namlcp.arrays import (
-    CANONICAL,
-    are_long,
-    are_places,
-    data_of,
-    dense_asymmetry,
-    fits,
-    index_order,
-    narrowed,
-    sparse_asymmetry,
-)
 from scipy.sparse import csc_array, csc_matrix
 
 from namlcp import checks

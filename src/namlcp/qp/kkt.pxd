@@ -1,5 +1,9 @@
+from namlcp.arrays cimport indices as longs, numbers, places
+from namlcp.limits cimport Watched, is_over
+from namlcp.linalg.blas cimport add_gram, blas_times, cholesky, cholesky_solve
+from namlcp.linalg.csc cimport Columns, take_columns
 from namlcp.linalg.sparse_ldl cimport Factors
-from namlcp.limits cimport Watched
+from namlcp.linalg.vectors cimport copy, fill
 
 # The lines of a matrix: the rows of a dense one, of `width` numbers each (`starts` is NULL
 # then), or the columns of one in CSC.

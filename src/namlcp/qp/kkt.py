@@ -23,18 +23,6 @@ import cython
 import numpy as np
 from cython import Py_ssize_t
 from cython.cimports.libc.math import INFINITY, exp, fabs, log, sqrt
-from cython.cimports.namlcp.arrays import indices as longs
-from cython.cimports.namlcp.arrays import numbers, places
-from cython.cimports.namlcp.limits import is_over
-from cython.cimports.namlcp.linalg.blas import (
-    add_gram,
-    blas_times,
-    cholesky,
-    cholesky_solve,
-)
-from cython.cimports.namlcp.linalg.csc import Columns, take_columns
-from cython.cimports.namlcp.linalg.sparse_ldl import Factors
-from cython.cimports.namlcp.linalg.vectors import copy, fill
 
 from namlcp.checks import constant, refuse_size
 from namlcp.limits import NEVER

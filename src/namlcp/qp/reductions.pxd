@@ -1,4 +1,5 @@
-from namlcp.linalg.csc cimport Columns
+from namlcp.arrays cimport indices as longs, numbers, places, signs
+from namlcp.linalg.csc cimport Columns, take_columns
 
 cdef enum:
     # Values of `Groups.number` for a row that is not wanted, and for an empty one.

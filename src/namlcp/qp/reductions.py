@@ -24,9 +24,6 @@ import numpy as np
 from cython import Py_ssize_t
 from cython.cimports.libc.math import INFINITY, fabs, floor
 from cython.cimports.libc.string import memcpy
-from cython.cimports.namlcp.arrays import indices as longs
-from cython.cimports.namlcp.arrays import numbers, places, signs
-from cython.cimports.namlcp.linalg.csc import Columns, take_columns
 from scipy.sparse import csc_array, csr_array
 
 from namlcp.arrays import constant

@@ -1,3 +1,6 @@
+from namlcp.arrays cimport indices, numbers
+from namlcp.linalg.vectors cimport add_scaled
+
 cdef double LEAST_PIVOT, TIE, TINY_TIE
 
 # How `pivot_until` ends: after the pivots asked for, with the variable that it waits

@@ -15,8 +15,6 @@ Cottle, Pang and Stone, The Linear Complementarity Problem (1992), sections 4.4,
 import cython
 import numpy as np
 from cython.cimports.libc.math import fabs
-from cython.cimports.namlcp.arrays import indices, numbers
-from cython.cimports.namlcp.linalg.vectors import add_scaled
 
 # Modulus of an entry of T, relative to the largest of its column, that counts as 0.
 LEAST_PIVOT = 1e-11

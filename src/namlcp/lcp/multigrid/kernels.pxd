@@ -1,4 +1,4 @@
-from namlcp.linalg.csc cimport Columns
+from namlcp.linalg.csc cimport Columns, take_columns
 
 cdef double VANISHED
 

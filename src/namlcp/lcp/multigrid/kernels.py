@@ -9,7 +9,6 @@ Numer. Math. 69 (1994) 167-184). `diagonal` holds the positions of the a_ii.
 import cython
 import numpy as np
 from cython.cimports.libc.math import fabs
-from cython.cimports.namlcp.linalg.csc import Columns, take_columns
 
 # Coarse diagonal entry, relative to its value without truncation, that counts as 0.
 VANISHED = 1e-13

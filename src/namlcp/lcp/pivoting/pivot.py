@@ -17,25 +17,6 @@ import cython
 from cython import Py_ssize_t
 from cython.cimports import numpy as cnp
 from cython.cimports.libc.math import INFINITY, fabs, isfinite, sqrt
-from cython.cimports.namlcp.arrays import data_of, fits, new_vector
-from cython.cimports.namlcp.lcp.loops import MOST_SMALL, affine_at, are_ordinary
-from cython.cimports.namlcp.lcp.pivoting.state import (
-    Pivoting,
-    allocate,
-    factor_free,
-    is_definite,
-    solve_free,
-)
-from cython.cimports.namlcp.limits import look_at_clock, raise_kept
-from cython.cimports.namlcp.linalg.vectors import (
-    add_scaled,
-    copy,
-    fill,
-    hash_of,
-    largest_entry,
-)
-from cython.cimports.namlcp.measure import are_met, both_residuals
-from cython.cimports.namlcp.result_base import LCPResultBase, made
 
 from namlcp.linalg import factors
 from namlcp.status import Status

@@ -1,4 +1,8 @@
-from namlcp.limits cimport Watched
+from namlcp.arrays cimport data_of, new_vector, numbers, places
+from namlcp.limits cimport Watched, begin_watch
+from namlcp.linalg.blas cimport cholesky, cholesky_solve, lu, lu_solve
+from namlcp.linalg.ordering cimport order_by_degree
+from namlcp.linalg.vectors cimport copy, fill
 
 cdef Py_ssize_t SMALL_ORDER
 cdef double PSD_SLACK, JITTER, LEAST_PIVOT, PIVOT_FLOOR, CALL, DENSE_SPEED

@@ -11,11 +11,6 @@ import cython
 from cython import Py_ssize_t
 from cython.cimports.libc.math import INFINITY
 from cython.cimports.libc.stdlib import free, malloc
-from cython.cimports.namlcp.arrays import data_of, new_vector, numbers, places
-from cython.cimports.namlcp.limits import Watched, begin_watch
-from cython.cimports.namlcp.linalg.blas import cholesky, cholesky_solve, lu, lu_solve
-from cython.cimports.namlcp.linalg.ordering import order_by_degree
-from cython.cimports.namlcp.linalg.vectors import copy, fill
 
 from namlcp.lcp import data
 from namlcp.linalg import factors

@@ -1,4 +1,9 @@
-from namlcp.qp.interior.state cimport Interior
+from namlcp.arrays cimport numbers
+from namlcp.limits cimport look_at_clock
+from namlcp.linalg.sparse_ldl cimport as_array
+from namlcp.linalg.vectors cimport copy, fill, largest_entry
+from namlcp.qp.interior.newton cimport THIN, factor, multiply
+from namlcp.qp.interior.state cimport Interior, offer
 
 cdef double OFF, RESIDUAL_GOAL, SMALL_ENOUGH, WRONG_SIGN, FIRST_SHIFT, SECOND_SHIFT
 cdef double GOOD_ENOUGH, FAR, FALL

@@ -22,12 +22,6 @@ and projected by means of one factorisation of K. Those with small relative resi
 import cython
 import numpy as np
 from cython.cimports.libc.math import INFINITY, fabs
-from cython.cimports.namlcp.arrays import numbers
-from cython.cimports.namlcp.limits import look_at_clock
-from cython.cimports.namlcp.linalg.sparse_ldl import as_array
-from cython.cimports.namlcp.linalg.vectors import copy, fill, largest_entry
-from cython.cimports.namlcp.qp.interior.newton import THIN, factor, multiply
-from cython.cimports.namlcp.qp.interior.state import offer
 
 from namlcp.qp.certificates import largest
 from namlcp.status import Status

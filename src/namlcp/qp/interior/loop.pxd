@@ -1,4 +1,9 @@
-from namlcp.qp.interior.state cimport Interior
+from namlcp.limits cimport is_over, look_at_clock, raise_kept
+from namlcp.linalg.sparse_ldl cimport as_array
+from namlcp.linalg.vectors cimport copy, fill
+from namlcp.qp.interior.candidates cimport PROMISING, find_proof, promises, refine
+from namlcp.qp.interior.newton cimport DELTA, RHO, evaluate, regularise, start, step
+from namlcp.qp.interior.state cimport EXACT, Interior, attach, offer
 
 cdef double LIFT, TOLERABLE, CLOSER, LEAST, INSIDE, LEAST_SLACK, LEAST_MULTIPLIER
 cdef double DROP, DROP_LARGE, CLOSE, NEAR, NEAR_MU, STEADY, FAR, PASSES

@@ -15,24 +15,6 @@ be asked, once, whether there is a feasible point.
 import cython
 import numpy as np
 from cython.cimports.libc.math import INFINITY
-from cython.cimports.namlcp.limits import is_over, look_at_clock, raise_kept
-from cython.cimports.namlcp.linalg.sparse_ldl import as_array
-from cython.cimports.namlcp.linalg.vectors import copy, fill
-from cython.cimports.namlcp.qp.interior.candidates import (
-    PROMISING,
-    find_proof,
-    promises,
-    refine,
-)
-from cython.cimports.namlcp.qp.interior.newton import (
-    DELTA,
-    RHO,
-    evaluate,
-    regularise,
-    start,
-    step,
-)
-from cython.cimports.namlcp.qp.interior.state import EXACT, attach, offer
 
 from namlcp.checks import as_sparse
 from namlcp.limits import PASS

@@ -1,4 +1,5 @@
-from namlcp.qp.interior.state cimport Interior
+from namlcp.linalg.vectors cimport add_line, add_scaled, copy, dot, fill, times_line
+from namlcp.qp.interior.state cimport Interior, KRYLOV_STEPS
 
 cdef double ABOVE_ATTAINED, FORGET, SMALL_RHS, GMRES_ABOVE, BREAKDOWN
 cdef double RHO, DELTA, FLOOR, LOWEST, TOP, POOR, ACCURATE, ACCURATE_FULL

@@ -26,15 +26,6 @@ factorisations of K~ begin to fail.
 
 import cython
 from cython.cimports.libc.math import INFINITY, NAN, fabs, sqrt
-from cython.cimports.namlcp.linalg.vectors import (
-    add_line,
-    add_scaled,
-    copy,
-    dot,
-    fill,
-    times_line,
-)
-from cython.cimports.namlcp.qp.interior.state import KRYLOV_STEPS
 
 # Least weight of a row, whose reciprocal is on the diagonal of K~.
 THIN = 1e-20

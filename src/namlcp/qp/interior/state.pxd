@@ -1,5 +1,6 @@
-from namlcp.linalg.sparse_ldl cimport Factors
+from namlcp.arrays cimport numbers, places
 from namlcp.limits cimport Watched
+from namlcp.linalg.sparse_ldl cimport Factors, as_array
 
 cdef enum:
     KRYLOV_STEPS = 8

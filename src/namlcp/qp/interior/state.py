@@ -3,9 +3,6 @@
 import cython
 from cython.cimports.libc.math import INFINITY
 from cython.cimports.libc.stdlib import calloc, free
-from cython.cimports.namlcp.arrays import numbers, places
-from cython.cimports.namlcp.limits import Watched
-from cython.cimports.namlcp.linalg.sparse_ldl import as_array
 
 from namlcp.options import DEFAULT_OPTIONS
 
