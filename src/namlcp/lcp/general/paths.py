@@ -1,8 +1,9 @@
 """Interior paths: Mehrotra's, that of a linear program, and Lemke's homotopy.
 
-`mehrotra` (SIAM J. Optim. 2, 1992, 575-601) starts outside of the equations. It solves
-most friction problems in 10 to 20 steps; where M is not monotone it promises nothing,
-and may jam where `arc` would have to turn.
+`mehrotra` (SIAM J. Optim. 2, 1992, 575-601; correctors of Gondzio, Comput. Optim.
+Appl. 6, 1996, 137-156) starts outside of the equations. It solves most friction
+problems in 10 to 20 steps; where M is not monotone it promises nothing, and may jam
+where `arc` would have to turn.
 
 *Lemke's homotopy as a smooth curve.* The curve of all (p, m, t) with positive gaps g,
 multipliers m and
@@ -34,6 +35,10 @@ SHIFT, STEPS = 1e-11, 100
 STEP_PART = 0.99
 # Range of the mean product aimed at, relative to the present one.
 LEAST_CENTRING, MOST_CENTRING = 1e-4, 0.9
+# Gondzio's correctors at most. Each asks for the larger of two steps, the one before
+# times the first number and plus the second, moves products to within the factor OFF
+# of the one aimed at, and is kept if it makes the step LONGER.
+CORRECTORS, ASK, OFF, LONGER = 2, (1.3, 0.1), 10.0, 1.03
 # So many steps in a row shorter than JAM end the path. So does, from step FIRST_STALL
 # on, an error below SETTLED that does not halve in STALL steps; above, it may fall as
 # slowly on the way to a solution, in heaps of 10^4 bodies.
@@ -97,7 +102,10 @@ def mehrotra(model: Distances, system: System) -> Iterator[np.ndarray]:
 def centred(
     model: Distances, at: PathPoint, factors: Any, excess: np.ndarray
 ) -> tuple[PathPoint, float]:
-    """Return the corrected direction, which removes the excess, and its step."""
+    """Return the direction of predictor and correctors, and the longest step along it.
+
+    It removes the excess.
+    """
 
     def towards(change: np.ndarray) -> PathPoint:
         """Return the direction for changes of the products."""
@@ -112,8 +120,22 @@ def centred(
     left = float(after.gaps @ after.m) / max(at.m.size, 1)
     sigma = (left / mu) ** 3 if mu > 0.0 else 0.0
     aim = min(max(sigma, LEAST_CENTRING), MOST_CENTRING) * mu
-    d = towards(aim - np.clip(d.gaps * d.m, -mu, mu) - products)
-    return d, longest(at, d)
+    change = aim - np.clip(d.gaps * d.m, -mu, mu) - products
+    d = towards(change)
+    step = longest(at, d)
+    for _ in range(CORRECTORS):
+        if not 0.0 < step < 1.0:
+            break
+        asked = min(1.0, max(ASK[0] * step, step + ASK[1]))
+        products = (at.gaps + asked * d.gaps) * (at.m + asked * d.m)
+        off = np.clip(products, aim / OFF, OFF * aim) - products
+        change += np.maximum(off, -OFF * aim)
+        other = towards(change)
+        longer = longest(at, other)
+        if not longer >= LONGER * step:
+            break
+        d, step = other, longer
+    return d, step
 
 
 def longest(at: PathPoint, d: PathPoint) -> float:
@@ -134,7 +156,7 @@ def farkas(lcp: LCP) -> Iterator[np.ndarray]:
         [ A_R  0   ] [ v ] + [ q_R ],
 
     with v signed as w is, and bounded by the weights: v = 0 if and only if nothing is
-    violated, else it is a proof in the sense of `rays.proof` (Farkas' lemma). v is 0
+    violated, else it is a proof in the sense of `driver.proof` (Farkas' lemma). v is 0
     while there is none; each takes one factorisation.
     """
     low, high = np.isfinite(lcp.lower), np.isfinite(lcp.upper)
