@@ -75,18 +75,12 @@ def settings() -> list[Setting]:
 
 
 @contextlib.contextmanager
-def blas_threads(threads: int, order: int, dense: bool = True) -> Iterator[None]:
-    """Let BLAS use `threads` threads in a `with` block, one where more do not pay.
+def limited(threads: int, blas: int) -> Iterator[None]:
+    """Be a block of a solve with so many threads, of which BLAS may use its own number.
 
-    `order`: of the largest matrix that may be dense; up to UNTOUCHED_ORDER nothing is
-    set. Unless it is `dense`, BLAS has one, and the others are left: `THREADS`. Of
-    blocks that run at once, the one that asks most of BLAS counts.
+    Of blocks that run at once, the one that asks most of BLAS counts.
     """
-    if order <= UNTOUCHED_ORDER or not settings():
-        yield
-        return
-    blas = threads if dense and order >= WORTH_ORDER else 1
-    outer = THREADS.set(threads // blas)
+    outer = THREADS.set(threads)
     with LOCK:
         if not ASKED:
             BEFORE[:] = [get() for _, get in settings()]
@@ -121,3 +115,17 @@ def forget() -> None:
 
 if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=forget)
+
+
+def blas_threads(
+    threads: int, order: int, dense: bool = True
+) -> contextlib.AbstractContextManager[None]:
+    """Let BLAS use `threads` threads in a `with` block, one where more do not pay.
+
+    `order`: of the largest matrix that may be dense; up to UNTOUCHED_ORDER nothing is
+    set. Unless it is `dense`, BLAS has one, and the others are left: `THREADS`.
+    """
+    if order <= UNTOUCHED_ORDER or not settings():
+        return contextlib.nullcontext()
+    blas = threads if dense and order >= WORTH_ORDER else 1
+    return limited(threads // blas, blas)
