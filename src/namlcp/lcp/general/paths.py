@@ -51,12 +51,14 @@ CLEAR, CLEARER, ENOUGH, FEASIBLE, EQUILIBRATIONS = 1e-3, 0.01, 1e-10, 1e-6, 3
 # Of `arc`: what is added to the unit diagonal; steps at most; more with friction cones,
 # where the curve leads to a solution, but may wind: 2100 steps with 2000 unknowns.
 ARC_SHIFT, ARC_STEPS, PROMISED_STEPS = 1e-12, 400, 5000
-# Largest relative change of a gap or multiplier along the curve: in the first step, and
-# in any.
-FIRST_STEP, MOST_STEP = 0.9, 0.98
+# Largest relative change of a gap or multiplier in a step along the curve: in the first
+# step; where an earlier point of the stack is taken instead; in any step.
+FIRST_STEP, LEAST_STEP, MOST_STEP = 0.9, 0.02, 0.98
 # Relative changes back to the curve: below NEAR steps grow, above FAR they shrink;
 # above LOST the point is given up, and the step from the one before is SHORTER.
 NEAR, FAR, LOST, SHORTER = 0.05, 0.2, 1.0, 0.3
+# Points on the stack at most.
+KEPT = 3
 # Entry of p, relative to max |c_i| = 1, and t, at which the path ends.
 FAR_AWAY, LARGE_T = 1e10, 1e4
 
@@ -266,22 +268,27 @@ def arc(model: Distances, system: System) -> Iterator[np.ndarray]:
     m = np.maximum(model.of(F), 0.0) + 1.0
     curve = model, model.total(m) - F, gaps * m
     at, t, h = PathPoint(p, gaps, m), 1.0, FIRST_STEP
-    last: Directions | None = None
+    stack: list[Directions] = []
     for _ in range(PROMISED_STEPS if isinstance(system, Condensed) else ARC_STEPS):
         yield at.p
         if t > LARGE_T or np.abs(at.p).max(initial=0.0) > FAR_AWAY:
             return
         factors = system.factors(model.total(at.m / at.gaps, 1.0) + ARC_SHIFT)
         here = None if factors is None else Directions(curve, at, t, factors)
-        if here is not None and here.error <= (LOST if last else 1e300):
+        off = here is None or not here.error <= LOST
+        if here is not None and math.isfinite(here.error) and not (off and stack):
             here.h = 0.7 * h if here.error > FAR else h
             if here.error < NEAR:
                 here.h = min(MOST_STEP, 2.0 * h)
-            last = here
-        elif last is None:
-            return
+            stack.append(here)
+            del stack[:-KEPT]
+        elif stack:  # an earlier point is better where the last step was short
+            stack[-1].h *= SHORTER
+            while stack[-1].h < LEAST_STEP and len(stack) > 1:
+                stack.pop()
+                stack[-1].h *= SHORTER
         else:
-            last.h *= SHORTER
-        h = last.h
-        at, t = last.move()
+            return
+        h = stack[-1].h
+        at, t = stack[-1].move()
     yield at.p
