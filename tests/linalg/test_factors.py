@@ -245,7 +245,7 @@ def test_all_threads_stop_and_begin_again(monkeypatch):
     f.refactor(U.data)
     K, one = csc_array(U + triu(U, 1).T), np.ones(U.shape[0])
     K.sort_indices()
-    lu = plan_lu(K.indptr, K.indices)  # of one thread, in pieces too
+    lu = plan_lu(K.indptr, K.indices).another()  # of one thread, in pieces too
     lu.refactor(K.data)
     for factors_of_K in f, lu:
         np.testing.assert_allclose(K @ factors_of_K.solve(one), one, atol=1e-8)
@@ -273,12 +273,15 @@ def stored(K, pattern):
 @pytest.mark.parametrize("case", CASES)
 def test_fronts_of_two_sides_solve_as_dense_algebra_does(case):
     pattern = CASES[case] != 0.0
-    lu = plan_lu(*stored(pattern, pattern)[:2])
-    b = np.random.default_rng(0).standard_normal(len(pattern))
+    plan = plan_lu(*stored(pattern, pattern)[:2])
+    kept, b = [], np.random.default_rng(0).standard_normal(len(pattern))
     for seed in range(3):  # the layout serves all matrices of the pattern
         K = dominant(pattern, seed)
+        lu = plan.another()
         lu.refactor(stored(K, pattern)[2])
         assert np.prod(np.sign(lu.pivots)) == np.linalg.slogdet(K)[0]
+        kept.append((lu, K))
+    for lu, K in kept:  # factors stay what they were when others are made
         x = np.linalg.solve(K, b)
         np.testing.assert_allclose(lu.solve(b), x, rtol=0.0, atol=1e-13)
 

@@ -59,7 +59,7 @@ def plan_factors(
 def plan_lu(indptr: np.ndarray, indices: np.ndarray) -> Fronts:
     """Return factors L D U for a symmetric pattern in CSC, its diagonal entries stored.
 
-    No row is exchanged.
+    No row is exchanged. `another` gives factors of further matrices of the pattern.
     """
     n, numbers = indptr.size - 1, np.arange(indices.size)
     # sums of SciPy's matrices have indices of 64 bits

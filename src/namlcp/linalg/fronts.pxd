@@ -88,6 +88,7 @@ cdef class Fronts(Factors):
         readonly Py_ssize_t stack, threads
         readonly object pivots
 
+    cdef void allocate(self)
     cdef void share(self, object nodes, Py_ssize_t threads)
 
 

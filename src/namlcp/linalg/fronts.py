@@ -52,9 +52,6 @@ class Fronts(Factors):
         ints, above = np.empty((2, number), np.int32), np.empty(length, np.int32)
         at, target = np.empty(number, np.intp), np.empty(size, np.intp)
         x, passed = np.empty(n), np.empty(length)
-        entries: Py_ssize_t = nodes.panels[number]
-        self.values, self.pivots = np.empty((self.sides, entries)), np.empty(n)
-        self.D, self.entries = numbers(self.pivots, n), self.sides * entries
         t = address(self.t)
         t.number = number
         t.place, t.first = places(order.place, n), places(nodes.first, number + 1)
@@ -68,11 +65,18 @@ class Fronts(Factors):
         t.passed = numbers(passed, length)
         for side in range(self.sides):
             self.sources[side] = places(sources[side], size)
-            self.panels[side] = numbers(self.values[side], entries)
         self.arrays = nodes, order, sources, ints, above, at, target, x, passed
+        self.allocate()
         position = np.empty(n, np.int32)
         lay_out(self, places(position, n))
         self.share(nodes, min(threads, MOST_THREADS))
+
+    def allocate(self):
+        size: Py_ssize_t = self.t.panels[self.t.number]
+        self.values, self.pivots = np.empty((self.sides, size)), np.empty(self.n)
+        for side in range(self.sides):
+            self.panels[side] = numbers(self.values[side], size)
+        self.D, self.entries = numbers(self.pivots, self.n), self.sides * size
 
     def share(self, nodes, threads):
         t, n, number = address(self.t), self.n, self.t.number
@@ -104,6 +108,17 @@ class Fronts(Factors):
             PyThread_free_lock(self.guard)
         for i in range(1, self.threads):
             PyThread_free_lock(self.desks[i].done)
+
+    def another(self):
+        """Return factors of the same layout and work space, on one thread."""
+        other: Fronts = Fronts.__new__(Fronts)
+        other.n, other.nnz, other.t = self.n, self.nnz, self.t
+        other.sides, other.arrays, other.shared = self.sides, self.arrays, self.shared
+        other.sources[0], other.sources[1] = self.sources[0], self.sources[1]
+        other.desks[0], other.threads = self.desks[0], 1
+        other.guard = PyThread_allocate_lock()
+        other.allocate()
+        return other
 
     def factor_values(self, data, watch):
         self.data, self.failed = data, False

@@ -160,7 +160,7 @@ class ConeFactors:
         change[system.turned] = self.inverse
         data[system.diagonal] += change
         data[system.slopes] += slope.ravel()
-        self.lu = system.fronts
+        self.lu = system.fronts.another()
         self.lu.refactor(data)
 
     def is_positive(self) -> bool:
@@ -253,10 +253,7 @@ class Condensed:
         return same[self.columns] * data + other[self.columns] * data[self.across]
 
     def factors(self, diagonal: np.ndarray) -> ConeFactors | None:
-        """Factor M + diag(diagonal); return None if it is singular or not finite.
-
-        The next factors overwrite these.
-        """
+        """Factor M + diag(diagonal); return None if it is singular or not finite."""
         with np.errstate(all="ignore"):
             if not np.isfinite((1.0 / diagonal).sum() + diagonal.sum()):
                 return None

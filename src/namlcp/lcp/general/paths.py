@@ -200,9 +200,8 @@ class Directions:
 
     U, V: relative changes of the gaps, then of the multipliers, per unit of log t along
     the curve, and back to it; du, dv: the changes of p that belong to them; tv: the
-    relative change of t with V. X, bent: second derivatives along the curve, as U and
-    du are first ones. forward: whether t falls along the curve. error: the largest
-    entry of V and tv.
+    relative change of t with V. forward: whether t falls along the curve. error: the
+    largest entry of V and tv.
     """
 
     h: float
@@ -215,7 +214,7 @@ class Directions:
         factors: Any,
     ):
         """Take the model, d and the products a, and M + diag(m / g) factored."""
-        (model, d, products), self.at, self.t = curve, at, t
+        (model, d, products), self.at, self.t, self.factors = curve, at, t, factors
         self.model = model
         wish = t * products / at.gaps
         excess = model.F(at.p) + t * d - model.total(at.m)
@@ -234,10 +233,6 @@ class Directions:
         self.tv = -along
         self.error = max(float(np.abs(self.V).max(initial=0.0)), abs(along))
         self.forward = factors.is_positive()
-        # products are to stay what the first order makes them
-        bend = -self.U[: at.m.size] * self.U[at.m.size :]
-        self.bent = factors.solve(model.total(at.m * bend))
-        self.X = self.changes(self.bent, bend)
 
     def changes(self, dp: np.ndarray, products: np.ndarray) -> np.ndarray:
         a = self.model.of(dp) / self.at.gaps
@@ -245,14 +240,17 @@ class Directions:
 
     def move(self) -> tuple[PathPoint, float]:
         """Return the point a step h along the curve and V away, and its t."""
-        at, number = self.at, self.at.m.size
+        at, model, number = self.at, self.model, self.at.m.size
         tau = self.h / max(float(np.abs(self.U).max(initial=0.0)), 1.0)
         tau = -tau if self.forward else tau
         rates, dp = tau * self.U + self.V, tau * self.du + self.dv
-        X = tau**2 * self.X
+        # products are to stay what the first order makes them
+        bend = -(tau**2) * self.U[:number] * self.U[number:]
+        dx = self.factors.solve(model.total(at.m * bend))
+        X = self.changes(dx, bend)
         if np.abs(X).max(initial=0.0) <= 0.5 * self.h:
             rates += X
-            dp += tau**2 * self.bent
+            dp += dx
         rate = tau + self.tv
         fall = max(float(-rates.min(initial=0.0)), -rate)
         cut = min(1.0, MOST_STEP / fall) if fall > 0.0 else 1.0
