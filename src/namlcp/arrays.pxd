@@ -25,7 +25,7 @@ cdef Py_ssize_t* indices(object array, Py_ssize_t size) except NULL
 cdef signed char* signs(object array, Py_ssize_t size) except NULL
 cpdef unsigned long long stamp_of(object parts, unsigned long long total=*)
 cdef void* _entries(object array, int kind, Py_ssize_t size) except NULL
-cpdef unsigned long long stamp_of(object parts, unsigned long long total=*)
+cpdef bint is_bad(const double[::1] values, bint infinite_allowed)
 cpdef tuple dense_asymmetry(const double[:, ::1] P)
 cpdef tuple sparse_asymmetry(const int[::1] indptr, const int[::1] indices, const double[::1] data)
 cpdef Order index_order(const int[::1] indptr, const int[::1] indices, Py_ssize_t major, Py_ssize_t minor)

@@ -8,7 +8,7 @@ import cython
 import numpy as np
 from cython import Py_ssize_t
 from cython.cimports import numpy as cnp
-from cython.cimports.libc.math import fabs
+from cython.cimports.libc.math import INFINITY, fabs
 from scipy.sparse import csc_array, csr_array
 
 cnp.import_array()
@@ -128,6 +128,15 @@ def refuse_size(name, entries):
             f"{name} would have {entries:.1e} entries of {8e-9 * entries:.0f} GB, "
             f"allowed are {MOST_ENTRIES:.1e}"
         )
+
+
+def is_bad(values, infinite_allowed):
+    """Tell whether a NaN (or an infinite value unless allowed) is among the values."""
+    bad: Py_ssize_t = 0
+    for i in range(values.shape[0]):
+        v = fabs(values[i])
+        bad += not (v <= INFINITY if infinite_allowed else v < INFINITY)
+    return bad > 0
 
 
 def dense_asymmetry(P):

@@ -20,6 +20,7 @@ from namlcp.arrays import (
     constant,
     from_arrays,
     index_order,
+    is_bad,
     narrowed,
     refuse_size,
     transposed,
@@ -231,9 +232,8 @@ def refuse_number(name: str, values: Any, infinite_allowed: bool) -> None:
     """Raise a ValueError that says where the first NaN or forbidden infinity is."""
     is_sparse = sp.issparse(values)
     flat = (values.data if is_sparse else values).ravel()
-    bad = np.isnan(flat) if infinite_allowed else ~np.isfinite(flat)
-    if bad.any():
-        i = bad.argmax()
+    if is_bad(flat, infinite_allowed):
+        i = np.argmax(np.isnan(flat) if infinite_allowed else ~np.isfinite(flat))
         wanted = "must not hold NaN" if infinite_allowed else "must be finite"
         index: Any = (
             [places[i] for places in values.tocoo().coords]
