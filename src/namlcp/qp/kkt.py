@@ -369,6 +369,9 @@ def even_out(indptr, indices, data, scale):
     count: cython.double[::1] = np.empty(size)
     total: cython.double[::1] = np.empty(size)
     s: cython.double[::1] = np.zeros(size)
+    logs: cython.double[::1] = np.empty(data.shape[0])
+    for t in range(data.shape[0]):
+        logs[t] = log(fabs(data[t]))
     for k in range(2 * SWEEPS):
         count[:] = 0.0
         total[:] = 0.0
@@ -379,7 +382,7 @@ def even_out(indptr, indices, data, scale):
                     if k % 2 == 1:
                         own = indices[t]
                     count[own] += 1.0
-                    total[own] += log(fabs(data[t])) + s[j + indices[t] - own]
+                    total[own] += logs[t] + s[j + indices[t] - own]
         for j in range(size):
             if count[j] > 0.0:
                 s[j] = -total[j] / count[j]
