@@ -13,9 +13,8 @@ A round with the centre c, at first 0,
 
 If the point at hand has the right signs and violates no row, the QP is solved. Else it
 is the next centre; so is the point where the second step meets the first row that is
-not active. Every centre is
-feasible and the cost falls from round to round, so that no F comes back (Rockafellar,
-SIAM J. Control Optim. 14 (1976) 877-898).
+not active. Every centre is feasible and the cost falls from round to round, so that no
+F comes back (Rockafellar, SIAM J. Control Optim. 14 (1976) 877-898).
 
 The second step takes conjugate gradients, whose preconditioner is the operator K_F,
 that of P + W on the face. With r = P x + q + G'z + A'y, z the multipliers of G, of
