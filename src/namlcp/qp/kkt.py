@@ -331,20 +331,19 @@ def equilibrate_parts(P, A, G, n, p, m, units, largest):
 
 def note_entries(M, rows, columns, of_rows, of_columns):
     """Note the largest entries of the rows and columns of M scaled by two vectors."""
-    for line in range(0 if M == cython.NULL else M.lines):
+    if M == cython.NULL:
+        return
+    is_dense: cython.bint = M.starts == cython.NULL
+    along, across = (of_rows, of_columns) if is_dense else (of_columns, of_rows)
+    for line in range(M.lines):
         largest = 0.0
         for t in range(first_of(M, line), first_of(M, line + 1)):
             i, j = place_of(M, line, t)
             value = fabs(M.values[t]) * columns[j] * rows[i]
             largest = max(largest, value)
-            if M.starts == cython.NULL:
-                of_columns[j] = max(of_columns[j], value)
-            else:
-                of_rows[i] = max(of_rows[i], value)
-        if M.starts == cython.NULL:
-            of_rows[line] = max(of_rows[line], largest)
-        else:
-            of_columns[line] = max(of_columns[line], largest)
+            k = j if is_dense else i
+            across[k] = max(across[k], value)
+        along[line] = max(along[line], largest)
 
 
 def first_of(M, line):
