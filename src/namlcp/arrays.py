@@ -111,9 +111,7 @@ def stamps_of_items(arrays, size: Py_ssize_t):
     stamps = np.zeros(size, np.uint64)
     total = cython.cast(cython.p_ulonglong, cnp.PyArray_DATA(stamps))
     for array in arrays:
-        own: cnp.ndarray = array
-        values = cython.cast(cython.p_double, cnp.PyArray_DATA(own))
-        width = cnp.PyArray_SIZE(own) // max(size, 1)
+        values, width = data_of(array), cnp.PyArray_SIZE(array) // max(size, 1)
         for i in range(size):
             total[i] = hash_of(values + i * width, width, total[i])
     return stamps
