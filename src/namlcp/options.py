@@ -113,8 +113,10 @@ class Options:
             check_names(settings)
             return cls(**settings)
 
-    def limits(self, start: float = 0.0, progress: Progress | None = None) -> Limits:
-        """Return the limits of a solve that began at `start`, for one `progress`."""
+    def limits(
+        self, start: float = math.inf, progress: Progress | None = None
+    ) -> Limits:
+        """Return the limits of a solve; without its `start` no time is over."""
         deadline = Deadline(start + self.time_limit)
         report = None if progress is None else progress.row
         return Limits(self.eps_abs, self.eps_rel, self.max_iter, deadline, report)
