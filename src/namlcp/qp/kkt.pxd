@@ -13,7 +13,7 @@ cdef struct Matrix:
     const int *starts
     const int *others
 
-cdef double FULL, EQUAL, LEAST_FACTOR, MOST_FACTOR, LARGEST
+cdef double FULL, EQUAL, LEAST_FACTOR, MOST_FACTOR, LARGEST, STILL
 cdef enum:
     BLOCK = 128  # rows that are condensed at a time
     ROUNDS = 10
