@@ -779,10 +779,13 @@ def problem_of(result: Any) -> Any:
         problem = QP.of(matrices, vectors), given
     elif isinstance(result, LCPResult) and len(problem) == 5:  # see `solve_small`
         A, is_symmetric, q, lower, upper = problem
-        matrix = A if type(A) is Prepared else Prepared.unchecked(A, is_symmetric)
+        if type(A) is Prepared:
+            matrix, A = A, A.A
+        else:
+            matrix = Prepared.unchecked(Prepared(A).small, is_symmetric)
         lower = np.zeros(q.size) if lower is None else lower
         upper = np.full(q.size, np.inf) if upper is None else upper
-        problem = LCP(matrix, q, lower, upper), matrix.A
+        problem = LCP(matrix, q, lower, upper), A
     if result.stamp not in (None, stamp_now(problem)):
         raise ValueError(CHANGED)
     if len(problem) == len(QP._fields):  # the arguments of `solve_qp`

@@ -33,8 +33,9 @@ DIAGONAL_ROUNDING = 1e-10
 # Order up to which matrices are factored as dense ones, and share of entries that are
 # not 0 from which on larger ones are, too.
 DENSE_ORDER, SPARSE = 250, 0.125
-# Largest order of a sparse matrix that pivoting always takes as a dense one.
-SMALL_ORDER = 24
+# Largest order of a sparse matrix that pivoting always takes as a dense one: from 80 on
+# contact problems take longer so.
+SMALL_ORDER = 64
 # Largest |u'Av - v'Au| that counts as zero for two fixed random vectors, relative to
 # |u||Av| + |v||Au|: it allows for products in single precision.
 SYMMETRIC = 1e-7
@@ -161,6 +162,12 @@ class Prepared:
         return A.toarray() if n <= DENSE_ORDER or A.nnz >= SPARSE * n * n else A
 
     @cached_property
+    def small(self) -> Any:
+        """A, dense if it is of small order: then `solve_small` takes less time."""
+        is_small = self.is_sparse and self.n <= SMALL_ORDER and self.tridiagonal is None
+        return self.A.toarray() if is_small else self.A
+
+    @cached_property
     def columns(self) -> Any:
         """Its columns for pivoting: rows of a dense array, or the arrays of CSC.
 
@@ -168,7 +175,7 @@ class Prepared:
         """
         A, n = self.A, self.n
         if isinstance(A, np.ndarray):
-            is_dense = n <= 4 * SMALL_ORDER or np.count_nonzero(A) >= n * n // 8
+            is_dense = n <= MOST_SMALL or np.count_nonzero(A) >= n * n // 8
             A = A if is_dense else as_sparse(A)
         else:
             is_dense = n <= SMALL_ORDER or A.nnz > n * n // 4

@@ -4,7 +4,9 @@ import math
 from time import perf_counter
 from typing import Any
 
-from namlcp.lcp.data import Operator, Prepared, lcp_data
+from scipy import sparse
+
+from namlcp.lcp.data import SMALL_ORDER, Operator, Prepared, lcp_data
 from namlcp.lcp.methods import find_method, solve_by_method
 from namlcp.lcp.pivoting.pivot import ACCURACY, solve_small
 from namlcp.limits import Deadline, Limits
@@ -132,18 +134,21 @@ def solve_lcp(
     >>> (3 * result.z).round(9)
     array([4., 7.])
     """
-    start = perf_counter()
+    start, matrix = perf_counter(), A
     is_plain = history is False and verbose is False and time_limit is math.inf
     if is_plain and isinstance(method, str) and method == "auto" and (
         None is diagonal is alpha is beta is omega is shift is cover is s0 is z0
         is eps_abs is eps_rel is max_iter
     ):  # fmt: skip
         own, last, stamp = A, None, None
-        if type(A) is Prepared:
-            own, last, stamp = A.A, A.last, A.stamp
+        if sparse.issparse(A) and A.shape[0] <= SMALL_ORDER:
+            matrix = Prepared(A)
+            own = matrix.small
+        elif type(A) is Prepared:
+            own, last, stamp = A.small, A.last, A.stamp
         result = solve_small(LCPResult, start, A, own, q, lower, upper, last, stamp)
         if result is not None:
-            if own is not A:
+            if type(A) is Prepared:
                 A.last = result.z
             return result
     deadline = Deadline(start + check_limits(eps_abs, eps_rel, max_iter, time_limit))
@@ -160,7 +165,7 @@ def solve_lcp(
         eps_abs, eps_rel = SWEEP_EPS_ABS if eps_abs is None else eps_abs, 0.0
     elif eps_rel is None:
         eps_rel = ACCURACY if eps_abs is None else 0.0
-    matrix = prepared(A, diagonal, method)
+    matrix = prepared(matrix, diagonal, method)
     lcp, unit = lcp_data(matrix, q, lower, upper)
     progress = Progress(LCP_COLUMNS, verbose) if verbose or history else None
     if progress is not None:

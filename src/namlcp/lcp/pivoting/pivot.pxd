@@ -50,5 +50,5 @@ cdef void reset_patience(Pivoting m, double rho) noexcept nogil
 cdef int end_outer_step(Pivoting m) noexcept nogil
 cpdef object solve_small(object kind, double begun, object given, object A, object q, object lower, object upper, object start, object stamp)
 cdef bint is_vector(object value, Py_ssize_t n)
-cdef (double, double) sum_and_asymmetry(const double* A, Py_ssize_t n) noexcept nogil
+cdef (double, double, double) sizes(const double* A, Py_ssize_t n) noexcept nogil
 cdef const double* bound(object value, double default, double* out, Py_ssize_t n) noexcept

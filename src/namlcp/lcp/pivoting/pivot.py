@@ -358,11 +358,12 @@ def solve_small(kind, begun, given, A, q, lower, upper, start, stamp):
     if not (is_vector(lower, n) and is_vector(upper, n) and is_vector(start, n)):
         return None
     values = data_of(A)
-    total, gap = sum_and_asymmetry(values, n)
-    if not total < INFINITY or 0.0 < gap <= SYMMETRY_ROUNDING * total:
+    total, largest, gap = sizes(values, n)
+    if not total < INFINITY:
         return None
     m: Pivoting = Pivoting.__new__(Pivoting)
-    m.n, m.entries, m.is_dense, m.symmetric = n, n * n, True, gap == 0.0
+    m.n, m.entries, m.is_dense = n, n * n, True
+    m.symmetric = gap <= SYMMETRY_ROUNDING * largest
     m.given = A if m.symmetric else A.T.copy()
     m.values = data_of(m.given)
     allocate(m)
@@ -406,15 +407,17 @@ def is_vector(value, n):
     return value is None or (fits(value, 1) and cnp.PyArray_DIM(value, 0) == n)
 
 
-def sum_and_asymmetry(A, n):
-    """Return the sum of |A_ij|, NaN if one is, and max |A - A'|."""
-    total, gap = 0.0, 0.0
+def sizes(A, n):
+    """Return the sum of |A_ij|, NaN if one is, max |A_ij| and max |A - A'|."""
+    total, largest, gap = 0.0, 0.0, 0.0
     for i in range(n):
         for j in range(n):
-            total += fabs(A[i * n + j])
+            size = fabs(A[i * n + j])
+            total += size
+            largest = max(largest, size)
         for j in range(i):
             gap = max(gap, fabs(A[i * n + j] - A[j * n + i]))
-    return total, gap
+    return total, largest, gap
 
 
 def bound(value, default, out, n):
