@@ -135,10 +135,10 @@ class Model:
         name = words[1 if len(words) < 3 + has_value else 2]  # the set may have no name
         ends = self.bounds.setdefault(self.columns[name], [0.0, np.inf])
         value = float(words[-1]) if has_value else np.inf
-        if kind == "UP" and value < 0.0 == ends[0]:
-            ends[0] = -np.inf  # as other readers take it
-        if kind in ("FR", "MI", "LO", "FX"):
-            ends[0] = value if has_value else -np.inf
+        if kind in ("LO", "FX"):
+            ends[0] = value
+        elif kind in ("FR", "MI") or (kind == "UP" and value < 0.0 == ends[0]):
+            ends[0] = -np.inf  # the last as other readers take it
         if kind in ("FR", "PL", "UP", "FX"):
             ends[1] = value
 
@@ -146,26 +146,23 @@ class Model:
         n = len(self.columns)
         if n == 0:
             raise ValueError("it has no columns")
-        q = np.zeros(n)
-        objective = next((r for r, kind in self.kinds.items() if kind == "N"), None)
-        rows = [row for row, kind in self.kinds.items() if kind != "N"]
-        place = {row: i for i, row in enumerate(rows)}
-        inside = [(place[row], j, v) for row, j, v in self.entries if row in place]
-        for row, j, v in self.entries:
-            if row == objective:
-                q[j] += v
-        C = matrix(inside, (len(rows), n)).tocsr()
-        low, high = np.array([self.interval(row) for row in rows]).reshape(-1, 2).T
+        place = {row: i for i, row in enumerate(self.kinds)}
+        entries = [(place[row], j, value) for row, j, value in self.entries]
+        C = matrix(entries, (len(place), n)).tocsr()
+        costs = [place[row] for row, kind in self.kinds.items() if kind == "N"]
+        q = C[costs[:1]].toarray().sum(axis=0)
+        low, high = np.array([self.interval(row) for row in place]).reshape(-1, 2).T
         P = self.sign * matrix(self.squares, (n, n))
         ends = np.array([self.bounds.get(j, [0.0, np.inf]) for j in range(n)])
         return two_sided(P, self.sign * q, C, low, high, *ends.T)
 
     def interval(self, row: str) -> tuple[float, float]:
+        """Return the sides of a row; those of an objective are infinite."""
         side, kind = self.sides.get(row, 0.0), self.kinds[row]
         width = self.ranges.get(row)
         low = side if kind in "GE" else -np.inf
         high = side if kind in "LE" else np.inf
-        if width is None:
+        if width is None or kind == "N":
             return low, high
         if kind == "G" or (kind == "E" and width >= 0.0):
             return low, side + abs(width)
