@@ -7,8 +7,6 @@ from namlcp.linalg.vectors cimport fill
 
 from numpy cimport ndarray
 
-cdef double LARGE_TERM
-
 cdef struct Numbers:
     double primal
     double dual
@@ -39,8 +37,8 @@ cdef struct Terms:
 cdef void measure(const Terms* t, Numbers* found) noexcept nogil
 cdef double gap_by_products(const Terms* t, double* finite, double* beside) noexcept nogil
 cdef double finite_dot(const double* sides, const double* multipliers, double sign, Py_ssize_t n, double* finite, double* beside) noexcept nogil
-cdef int set_terms(Terms* t, object vectors, object point) except -1
-cpdef tuple residuals_of_products(tuple vectors, tuple point, tuple products)
+cdef int set_terms(Terms* t, object qp, object point) except -1
+cpdef tuple residuals_of_products(object qp, object point, tuple products)
 cpdef tuple residuals_of_columns(object qp, object point)
 cdef tuple in_order(const Terms* t, double* work)
 cpdef double largest_ratio(object found, double eps_abs, double eps_rel) except? -1

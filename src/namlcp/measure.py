@@ -9,10 +9,6 @@ import numpy as np
 from cython import Py_ssize_t
 from cython.cimports.libc.math import INFINITY, NAN, fabs, isinf, sqrt
 
-# If all terms of the gap are smaller than this, then its rounding error is below 1e-12
-# in whatever order they are added.
-LARGE_TERM = 250.0
-
 
 def measure(t, found):
     """Set the numbers of `Residuals` from the terms, in one order of all sums.
@@ -99,12 +95,12 @@ def finite_dot(sides, multipliers, sign, n, finite, beside):
 # ---- arrays of NumPy
 
 
-def set_terms(t, vectors, point):
-    """Note vectors = (q, h, b, lb, ub) and point = (x, y, z, z_box).
+def set_terms(t, qp, point):
+    """Note the vectors of a QP and of a point with multipliers.
 
     Raises ValueError where these are not contiguous, or of other sizes.
     """
-    q, h, b, lb, ub = vectors
+    _, q, _, h, _, b, lb, ub = qp
     x, y, z, z_box = point
     n, m, p = q.size, h.size, b.size
     t.n, t.m, t.p = n, m, p
@@ -115,10 +111,10 @@ def set_terms(t, vectors, point):
     return 0
 
 
-def residuals_of_products(vectors, point, products):
+def residuals_of_products(qp, point, products):
     """Return the numbers of `Residuals`; products = (Px, Gx, Ax, G'z, A'y)."""
     t: Terms
-    set_terms(cython.address(t), vectors, point)
+    set_terms(cython.address(t), qp, point)
     Px, Gx, Ax, Gtz, Aty = products
     t.Px, t.Gx, t.Ax = numbers(Px, t.n), numbers(Gx, t.m), numbers(Ax, t.p)
     t.Gtz, t.Aty = numbers(Gtz, t.n), numbers(Aty, t.n)
@@ -130,8 +126,8 @@ def residuals_of_columns(qp, point):
     """Return the numbers of `Residuals` for P, G and A as csc_array or csc_matrix."""
     t: Terms
     M: Columns
-    P, q, G, h, A, b, lb, ub = qp
-    set_terms(cython.address(t), (q, h, b, lb, ub), point)
+    P, _, G, _, A, _, _, _ = qp
+    set_terms(cython.address(t), qp, point)
     n, m, p = t.n, t.m, t.p
     work = new_vector(3 * n + m + p + 2 * max(n, m))
     t.Px = data_of(work)
@@ -153,11 +149,10 @@ def residuals_of_columns(qp, point):
 
 
 def in_order(t, work):
-    """Return the numbers, with a gap of large terms as qpsolvers adds it."""
+    """Return the numbers, with the gap as qpsolvers adds it."""
     found: Numbers
     measure(t, cython.address(found))
-    if not found.gap_size < LARGE_TERM:
-        found.gap = fabs(gap_by_products(t, work, work + max(t.n, t.m)))
+    found.gap = fabs(gap_by_products(t, work, work + max(t.n, t.m)))
     return (
         found.primal, found.dual, found.gap, found.primal_size, found.dual_size,
         found.gap_size, found.objective,
@@ -183,7 +178,7 @@ def largest_ratio(found, eps_abs, eps_rel):
 def signed_gap(qp, point, Px):
     """Return `gap_by_products` of a QP at a point."""
     t: Terms
-    set_terms(cython.address(t), (qp.q, qp.h, qp.b, qp.lb, qp.ub), point)
+    set_terms(cython.address(t), qp, point)
     t.Px = numbers(Px, t.n)
     size = max(t.n, t.m)
     work = new_vector(2 * size)

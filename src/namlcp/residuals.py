@@ -102,11 +102,8 @@ def qp_residuals(
 
     P, G, A are dense or sparse, the vectors arrays of float64. Absent constraints have
     zero rows, absent bounds are infinite or None. Raises ValueError where the sizes
-    disagree. The sums over P, G and A run in the order in which these are stored, as
-    those of NumPy and SciPy do, and thus those of qpsolvers.
-
-    With terms above 250 the gap depends on the order of its sum by more than
-    1e-12; it is then added in the order of qpsolvers, dot product by dot product.
+    disagree. All sums run in the order of qpsolvers: those over P, G and A in the order
+    in which these are stored, the gap dot product by dot product.
 
     Examples
     --------
@@ -127,10 +124,11 @@ def qp_residuals(
         if right.shape != multiplier.shape:
             both = f"{right.shape} and {multiplier.shape}"
             raise ValueError(f"{names} must have one shape, got {both}")
-    vectors = tuple(np.ascontiguousarray(v, float) for v in (q, h, b, lb, ub))
+    q, h, b, lb, ub = (np.ascontiguousarray(v, float) for v in (q, h, b, lb, ub))
     point = tuple(np.ascontiguousarray(v, float) for v in (x, y, z, z_box))
     Gtz, Aty = np.zeros((2, x.size))
     add_transposed(G, z, Gtz)
     add_transposed(A, y, Aty)
     products = times(P, x), times(G, x), times(A, x), Gtz, Aty
-    return Residuals(*residuals_of_products(vectors, point, products))
+    qp = P, q, G, h, A, b, lb, ub
+    return Residuals(*residuals_of_products(qp, point, products))

@@ -42,8 +42,8 @@ LEAST_PIVOT = 1e-8
 def sides_of(qp, point):
     """Return `strict` and `whole` (p + m + n,), and how many constraints are weak."""
     t: Terms
-    (P, q, _, h, A, b, lb, ub), (x, y, z, z_box) = qp, point
-    set_terms(cython.address(t), (q, h, b, lb, ub), tuple(point))
+    (P, q, _, _, A, _, _, _), (x, y, z, z_box) = qp, point
+    set_terms(cython.address(t), qp, point)
     n, m, p, G = t.n, t.m, t.p, as_sparse(qp.G)
     Gtz, Aty = np.zeros((2, n))
     add_transposed(qp.G, z, Gtz)
@@ -150,10 +150,10 @@ class DenseItem:
 
         The arrays are not owned.
         """
-        (P, q, G, h, A, b, lb, ub), n = qp, self.qp.n
-        set_terms(cython.address(self.qp), (q, h, b, lb, ub), tuple(point))
-        self.P, self.G = numbers(P, n * n), numbers(G, self.qp.m * n)
-        self.A = numbers(A, self.qp.p * n)
+        set_terms(cython.address(self.qp), qp, point)
+        n = self.qp.n
+        self.P, self.G = numbers(qp.P, n * n), numbers(qp.G, self.qp.m * n)
+        self.A = numbers(qp.A, self.qp.p * n)
         mark_item(self)
         if isinstance(kept, DenseActiveSet) and serves(kept, self):
             self.kept = kept
