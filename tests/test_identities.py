@@ -1,33 +1,29 @@
-"""Identities between the methods, against the kernels: one iterate, or many.
+"""Identities between the methods as their papers have them, for many iterates.
 
-The matrices have no symmetry, the bounds are of every kind; `tests/test_sweeps.py` has
-the formulas of the methods themselves.
+`lcp/test_sweeps.py` shows that the kernels are these formulas. The matrices have no
+symmetry, the bounds are of every kind.
 """
 
 import numpy as np
+import plain_sweeps
 import pytest
-import sweeping
-from scipy import sparse
+from plain_sweeps import TAKES
+from problems_lcp import every_bounds
 
-from namlcp import solve_lcp
-from namlcp.lcp.modulus.methods import SWEEPS as METHODS
-
-TRIANGULAR = [name for name, method in METHODS.items() if not method.factored]
-KINDS = {"dense": np.asarray, "csr": sparse.csr_array}
 BOXES = ("halfline", "boxes")
 EXACT = 1e-13
 SWEEPS = 40
 
 
-def problem(seed, box, n=17, dominance=1.0):
-    """Random A, q, bounds and s; Jacobi's row sums are below 1/dominance."""
+def problem(seed, box, n=17):
+    """Random A, q, bounds and s; Jacobi's row sums are below 1."""
     rng = np.random.default_rng(seed)
     A = rng.normal(size=(n, n)) * (rng.random((n, n)) < 0.4)
     np.fill_diagonal(A, 0.0)
-    np.fill_diagonal(A, dominance * np.abs(A).sum(axis=1) + rng.uniform(0.5, 3.0, n))
+    np.fill_diagonal(A, np.abs(A).sum(axis=1) + rng.uniform(0.5, 3.0, n))
     lower, upper = np.zeros(n), np.full(n, np.inf)
     if box == "boxes":
-        lower, upper = sweeping.every_bounds(rng, n)
+        lower, upper = every_bounds(rng, n)
     return A, 4.0 * rng.normal(size=n), lower, upper, 2.0 * rng.normal(size=n)
 
 
@@ -50,19 +46,7 @@ def solution(rng, A, lower, upper, degenerate=False):
 
 def iterates(A, q, lower, upper, method, s, count=SWEEPS, **given):
     """s_1 ... s_count of a method."""
-    step = sweeping.step_of(A, q, lower, upper, method, **given)
-    return sweeping.iterates(step, s, lower, upper, count)
-
-
-def bai(A, M, Omega, q, lower, upper, s, count=SWEEPS, r=2.0):
-    """s_1 ... of (M + Omega) s+ = (M - A) s + (Omega - A) R(s) - r q, z = (R + s)/r."""
-    rows = []
-    for _ in range(count):
-        z = np.clip(2.0 * s / r, lower, upper)
-        R = r * z - s
-        s = np.linalg.solve(M + Omega, (M - A) @ s + (Omega - A) @ R - r * q)
-        rows.append(s)
-    return np.array(rows)
+    return plain_sweeps.iterates(A, q, lower, upper, method, s, count, **given)[0][1:]
 
 
 def assert_same(actual, expected, tolerance=EXACT):
@@ -72,64 +56,12 @@ def assert_same(actual, expected, tolerance=EXACT):
 
 
 @pytest.mark.parametrize("box", BOXES)
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize(
-    ("method", "alpha", "beta"),
-    [("namj", 1.0, 0.0), ("namgs", 1.0, 1.0), ("namsor", 0.8, 0.8),
-     ("namaor", 1.2, 0.4)],
-)  # fmt: skip
-def test_nam_is_bai_with_the_shifted_splitting(method, alpha, beta, kind, box):
-    """NAM(M, N) is Bai's method with (M + I - L, N + I - L)."""
-    A, q, lower, upper, s = problem(0, box)
-    D, L, _ = parts(A)
-    takes = METHODS[method].takes
-    given = {"alpha": alpha, "beta": beta, "omega": 0.7 * np.diag(D), "shift": 1.0}
-    given = {name: given[name] for name in takes}
-    Omega, I = 0.7 * D, np.eye(q.size)
-    M = (D - beta * L) / alpha
-    N = M - A
-    actual = iterates(KINDS[kind](A), q, lower, upper, method, s, **given)
-    assert_same(actual, bai(A, M + I - L, Omega, q, lower, upper, s))
-    for new in actual:
-        R = 2.0 * np.clip(s, lower, upper) - s
-        right = (N + I - L) @ s + (Omega - A) @ R - 2.0 * q  # Method 3.1, |s| = R
-        s = np.linalg.solve(M + Omega + I - L, right)
-        assert_same(new, s)
-
-
-@pytest.mark.parametrize("box", BOXES)
-@pytest.mark.parametrize("kind", KINDS)
-def test_namaor_contains_the_others(kind, box):
-    """NAMAOR(alpha, alpha) = NAMSOR(alpha), (1, 1) = NAMGS, (1, 0) = NAMJ."""
-    A, q, lower, upper, s = problem(1, box)
-    A = KINDS[kind](A)
-    omega = np.linspace(1.0, 3.0, q.size)
-    for pair, method, given in (
-        ((0.7, 0.7), "namsor", {"alpha": 0.7}),
-        ((1.4, 1.4), "namsor", {"alpha": 1.4}),
-        ((1.0, 1.0), "namgs", {}),
-        ((1.0, 0.0), "namj", {}),
-    ):
-        one = iterates(
-            A, q, lower, upper, "namaor", s, alpha=pair[0], beta=pair[1],
-            omega=omega, shift=1.0,
-        )  # fmt: skip
-        other = iterates(
-            A, q, lower, upper, method, s, omega=omega, shift=1.0, **given
-        )  # fmt: skip
-        np.testing.assert_array_equal(one, other)
-
-
-@pytest.mark.parametrize("box", BOXES)
-@pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("alpha", [0.6, 1.0, 1.3])
-def test_accelerated_sor_with_omega_d_over_alpha_is_projected_sor(alpha, kind, box):
+def test_accelerated_sor_with_omega_d_over_alpha_is_projected_sor(alpha, box):
     """Forty iterates of z, each to 1e-13."""
     A, q, lower, upper, s = problem(2, box)
     D = np.diag(A)
-    actual = iterates(
-        KINDS[kind](A), q, lower, upper, "amsor", s, alpha=alpha, omega=D / alpha
-    )
+    actual = iterates(A, q, lower, upper, "amsor", s, alpha=alpha, omega=D / alpha)
     z = np.clip(s, lower, upper)
     for k in range(SWEEPS):
         for i in range(q.size):
@@ -140,38 +72,19 @@ def test_accelerated_sor_with_omega_d_over_alpha_is_projected_sor(alpha, kind, b
 
 @pytest.mark.parametrize("box", BOXES)
 @pytest.mark.parametrize("degenerate", [False, True])
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", TAKES)
 def test_every_solution_gives_a_fixed_point(method, degenerate, box):
     """s = z - Omega^-1 w stays where it is, for every Omega and every shift."""
     A, _, lower, upper, _ = problem(4, box)
     rng = np.random.default_rng(4)
     z, w, q = solution(rng, A, lower, upper, degenerate)
-    takes = METHODS[method].takes
+    takes = TAKES[method].split()
     for omega, shift in ((0.3, 0.0), (2.0, 1.0), (rng.uniform(0.1, 9.0, q.size), 5.0)):
         given = {"omega": omega, "shift": shift}
         given = {name: value for name, value in given.items() if name in takes}
         scale = omega if "omega" in takes else np.diag(A)
         s = z - w / scale
         assert_same(iterates(A, q, lower, upper, method, s, 1, **given)[0], s)
-
-
-@pytest.mark.parametrize("box", BOXES)
-@pytest.mark.parametrize("method", TRIANGULAR)
-def test_every_fixed_point_is_a_solution(method, box):
-    """For every shift and Omega the limit is the z that another method finds."""
-    A, q, lower, upper, _ = problem(5, box, dominance=2.0)
-    z = solve_lcp(A, q, lower, upper, eps_abs=1e-12).z
-    takes = METHODS[method].takes
-    for c, shift in ((0.6, 0.0), (1.0, 1.0), (3.0, 20.0)):
-        given = {"omega": c * np.diag(A), "shift": shift}
-        given = {name: value for name, value in given.items() if name in takes}
-        result = sweeping.sweep(
-            A, q, lower, upper, method, eps_abs=1e-12, max_iter=5000, **given
-        )
-        assert result.status.value == "solved"
-        np.testing.assert_allclose(result.z, z, rtol=0.0, atol=1e-11)
-        s_next = iterates(A, q, lower, upper, method, result.s, 1, **given)[0]
-        np.testing.assert_allclose(s_next, result.s, rtol=0.0, atol=1e-11)
 
 
 @pytest.mark.parametrize("box", BOXES)
@@ -200,6 +113,22 @@ def test_the_printed_formulas_5_and_6_do_not_stay_at_a_solution(box):
         assert np.abs(moves[2]).max() > 1e-3
 
 
+@pytest.mark.parametrize("alpha", [0.6, 1.0, 1.7])
+def test_namaor_is_variant_6_with_the_coefficients_of_l_and_s_put_right(alpha):
+    A, q, lower, upper, s = problem(9, "halfline")
+    D, L, U = parts(A)
+    I, beta, Omega = np.eye(q.size), 0.3, D / (2.0 * alpha**2)
+    given = {"alpha": alpha, "beta": beta, "shift": 1.0}
+    for new in iterates(A, q, lower, upper, "namaor", s, **given):
+        s = np.linalg.solve(
+            D - (alpha + beta) * L + alpha * Omega + alpha * I,
+            ((1 - alpha) * D - beta * L + alpha * U + alpha * I) @ s
+            + alpha * (Omega - A) @ abs(s)
+            - 2 * alpha * q,
+        )
+        assert_same(new, s)
+
+
 @pytest.mark.parametrize("box", BOXES)
 def test_modulus_is_peaceman_rachford(box):
     """With M = A: s+ = R_A(R_C(s)), reflections at the box and at A z + q.
@@ -216,8 +145,7 @@ def test_modulus_is_peaceman_rachford(box):
         assert_same(actual[k], s)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_without_bounds_namsor_is_sor(kind):
+def test_without_bounds_namsor_is_sor():
     """Omega = c D, E = e D: SOR with relaxation 2 / (1/alpha + c + e); Bai's is not.
 
     While every z_i > 0, |s| = s: that is why NAMGS needs fewer sweeps than MGS, whose
@@ -228,10 +156,9 @@ def test_without_bounds_namsor_is_sor(kind):
     D = np.diag(A)
     alpha, c, e = 0.9, 0.6, 0.3
     given = {"alpha": alpha, "omega": c * D}
-    X = KINDS[kind](A)
-    actual = iterates(X, q, -free, free, "namsor", s, shift=e * D, **given)
+    actual = iterates(A, q, -free, free, "namsor", s, shift=e * D, **given)
     relaxation = 2.0 / (1.0 / alpha + c + e)
-    expected = iterates(X, q, -free, free, "psor", s, alpha=relaxation)
+    expected = iterates(A, q, -free, free, "psor", s, alpha=relaxation)
     assert_same(actual, expected)
-    bai_s = iterates(X, q, -free, free, "msor", s, **given)
+    bai_s = iterates(A, q, -free, free, "msor", s, **given)
     assert np.abs(bai_s[0] - expected[0]).max() > 1e-3

@@ -71,13 +71,6 @@ def test_dense_ones_go_to_lemke_and_sparse_ones_to_a_path():
 # ---- bimatrix games
 
 
-def test_known_games():
-    """Matching pennies in costs 1 and 2: both players mix evenly."""
-    R = np.array([[1.0, 2.0], [2.0, 1.0]])
-    result = solve_lcp(*problems.game(R, 3.0 - R))
-    np.testing.assert_allclose(result.z, np.full(4, 1.0 / 3.0))
-
-
 def test_dominant_strategies_are_found_on_the_first_path():
     """Each player has a pure strategy that costs less than all others."""
     for seed in range(3):

@@ -15,6 +15,7 @@ from lcp_definition import (
 from plain_sweeps import TAKES
 from scipy import sparse
 from scipy.sparse.linalg import aslinearoperator
+from solves import BANDS
 from test_every_method import METHODS, sweeping
 
 from namlcp import Prepared, Status, solve_lcp
@@ -152,6 +153,9 @@ WHOLE = {  # problems of every engine that take several iterations
     "unbounded": (*CASES["unbounded 15 1.0 0"].data, {}),
     "friction": (*CASES["friction 40 1e+00 0.2"].data, {}),
     "lemke": (*CASES["copositive 40 0"].data, {"method": "lemke"}),
+    "tridiagonal": (
+        sparse.csr_array(BANDS), np.cos(np.arange(400.0) ** 2), 0.0, np.inf, {},
+    ),
     "multigrid": (
         problems.laplacian(40), np.cos(np.arange(1600.0)) - 0.1, 0.0, np.inf,
         {"method": "multigrid", "eps_rel": 1e-13},

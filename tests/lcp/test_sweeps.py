@@ -30,11 +30,7 @@ def random_problem(seed, n=13, symmetric=False, excess=0.0):
     np.fill_diagonal(A, rng.uniform(1.0, 9.0, n))
     A = A + A.T if symmetric else A
     np.fill_diagonal(A, A.diagonal() + excess * np.abs(A).sum(axis=1))
-    lower = np.where(rng.random(n) < 0.3, -INF, rng.normal(size=n))
-    upper = np.where(rng.random(n) < 0.3, INF, lower + rng.exponential(size=n))
-    upper[lower == -INF] = 1.0
-    lower[0], upper[0] = -INF, INF
-    lower[1] = upper[1] = 0.7
+    lower, upper = problems.every_bounds(rng, n)
     return A, 3.0 * rng.normal(size=n), lower, upper, rng.normal(size=n)
 
 
@@ -110,30 +106,6 @@ def test_sweeps_are_the_formula(method, kind):
                 max_iter=sweeps, history=True, **given,
             )  # fmt: skip
             assert_is(rows, residuals, result, lower, upper)
-
-
-@pytest.mark.parametrize("alpha", [0.6, 1.0, 1.7])
-def test_the_paper_s_sixth_variant(alpha):
-    """Variant (6), NAMAOR, with the coefficients of L and |s| put right."""
-    A, q, _, _, s = random_problem(9)
-    lower, upper = np.zeros_like(q), np.full_like(q, INF)
-    D, L, U = np.diag(np.diag(A)), -np.tril(A, -1), -np.triu(A, 1)
-    I, beta = np.eye(q.size), 0.3
-    Omega, rows = D / (2.0 * alpha**2), [s]
-    for _ in range(4):
-        s = np.linalg.solve(
-            D - (alpha + beta) * L + alpha * Omega + alpha * I,
-            ((1 - alpha) * D - beta * L + alpha * U + alpha * I) @ s
-            + alpha * (Omega - A) @ abs(s)
-            - 2 * alpha * q,
-        )
-        rows.append(s)
-    residuals = [plain_sweeps.residual(A, q, lower, upper, s) for s in rows]
-    result = solve_lcp(
-        A, q, method="namaor", alpha=alpha, beta=beta, shift=1.0, s0=rows[0],
-        eps_abs=NEVER, max_iter=4, history=True,
-    )  # fmt: skip
-    assert_is(np.array(rows), np.array(residuals), result, lower, upper)
 
 
 @pytest.mark.parametrize("method", [*TRIANGULAR, "modulus"])

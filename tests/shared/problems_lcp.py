@@ -74,6 +74,16 @@ def with_solution(rng, A, degenerate=0.0):
     return w - A @ z, z
 
 
+def every_bounds(rng, n):
+    """Return random bounds of every kind: infinite ones, equal ones, none."""
+    lower = np.where(rng.random(n) < 0.3, -INF, rng.normal(size=n))
+    upper = np.where(rng.random(n) < 0.3, INF, lower + rng.exponential(size=n))
+    upper[lower == -INF] = 1.0
+    lower[0], upper[0] = -INF, INF
+    lower[1] = upper[1] = 0.7
+    return lower, upper
+
+
 def quotient_p(rng, n):
     """Return B^-1 C, B and C strictly column-dominant: P, rarely positive definite."""
     B, C = rng.standard_normal((2, n, n))
