@@ -5,7 +5,6 @@ import pytest
 
 from examples import (
     EXAMPLES,
-    discs,
     frontier,
     lasso,
     pendulum,
@@ -65,11 +64,6 @@ def test_the_path_solves_the_lasso():
         slope = X.T @ (y - X @ w)
         assert abs(slope).max() <= share * most + 1e-9
         np.testing.assert_allclose(slope @ w, share * most * abs(w).sum(), atol=1e-8)
-
-
-def test_energy_falls_with_the_discs():
-    record = discs.run(5, 80)
-    assert (np.diff(record.energies) <= 1e-6 * record.energies[0]).all()
 
 
 def test_the_condensed_states_are_those_of_the_plant():

@@ -174,14 +174,6 @@ def test_nothing_may_be_left_of_a_problem(terms, status, value):
         assert problem.status == status
 
 
-def test_a_misspelt_option_is_named():
-    problem, _ = portfolio()
-    for _ in range(2):
-        with pytest.raises(TypeError, match="'epsabs'; did you mean 'eps_abs'"):
-            problem.solve(solver=NAM(), epsabs=1e-6)
-        problem.solve(solver=NAM())
-
-
 def test_stats_and_what_the_solver_says_of_itself():
     problem, _ = portfolio()
     problem.solve(solver=NAM())

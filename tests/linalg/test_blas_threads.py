@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from namlcp import Options, solve_lcp, solve_qp
+from namlcp import solve_lcp, solve_qp
 from namlcp.linalg import threads
 from namlcp.linalg.threads import UNTOUCHED_ORDER, WORTH_ORDER, blas_threads, settings
 
@@ -120,10 +120,3 @@ def test_a_child_of_fork_has_the_users_number():
     for put, _ in settings():
         put(1)
     assert in_a_child() == {1}  # what was set after a solve
-
-
-def test_bad_numbers_are_named():
-    with pytest.raises(ValueError, match="threads must be >= 1, got 0"):
-        Options(threads=0)
-    with pytest.raises(TypeError, match=r"threads must be an integer, got 2\.0"):
-        solve_qp(np.eye(2), np.ones(2), threads=2.0)

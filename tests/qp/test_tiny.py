@@ -40,13 +40,6 @@ def test_a_corrupt_matrix_is_named(fault):
         solve_qp(sp.eye_array(2, format="csc"), np.ones(2), G, np.ones(3))
 
 
-def test_a_contradiction_is_proved():
-    G = sp.csc_array(np.array([[1.0], [-1.0]]))
-    result = solve_qp(sp.csc_array(np.eye(1)), np.ones(1), G, np.array([0.0, -1.0]))
-    assert result.status is Status.PRIMAL_INFEASIBLE
-    np.testing.assert_allclose(result.z, [1.0, 1.0])
-
-
 def test_a_result_of_matrices_by_columns_has_derivatives_until_they_change():
     P, q, G, h, A, b, lb, ub = dense(complementary(3, 6, 5, 2, 6).qp)
     P, G, A = map(np.asfortranarray, (P, G, A))

@@ -1,10 +1,9 @@
 """QPs with known answers, and what it means to solve one or to prove it impossible."""
 
-import os
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from problems_lcp import DATA
 from scipy.sparse import (
     block_diag,
     csc_array,
@@ -147,11 +146,6 @@ def least_squares(n) -> QP:
     G.eliminate_zeros()
     one = np.ones((1, n))
     return make_qp(eye_array(n), -i.astype(float), G, np.ones(n), one, [42.0], 0.0 * i)
-
-
-DATA = Path(
-    os.environ.get("NAMLCP_DATA", Path(__file__).resolve().parents[3] / "shared/data")
-)
 
 
 def maros_meszaros(name) -> QP:
