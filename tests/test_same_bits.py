@@ -5,7 +5,7 @@ What a machine adds up in which order may depend on its processor, not on addres
 
 import numpy as np
 import pytest
-from scipy import sparse
+from problems_qp import make_qp
 
 from namlcp import Solver, solve_batch, solve_lcp, solve_qp
 
@@ -30,11 +30,6 @@ def qp_of(n, rank):
     return P, q, G, G @ x + rng.random(n), A, A @ x, x - 1.0, x + 1.0
 
 
-def as_sparse(P, q, G, h, A, b, lb, ub):
-    P, G, A = map(sparse.csc_array, (P, G, A))
-    return P, q, G, h, A, b, lb, ub
-
-
 def bits(result):
     return b"".join(part.tobytes() for part in result)
 
@@ -48,7 +43,7 @@ def by_solver(*qp):
 
 QP_WAYS = {
     "solve_qp": lambda *qp: [solve_qp(*qp)],
-    "sparse": lambda *qp: [solve_qp(*as_sparse(*qp))],
+    "sparse": lambda *qp: [solve_qp(*make_qp(*qp))],
     "Solver": by_solver,
     "solve_batch": lambda P, q, *rest: [solve_batch(P, np.array([q, -q]), *rest)],
 }

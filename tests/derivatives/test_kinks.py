@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from problems_qp import QP, complementary
+from problems_qp import QP, complementary, sparse
 
 import namlcp
 from validation.derivatives.cases import (
@@ -21,10 +21,6 @@ from validation.derivatives.cases import (
 )
 
 EXACT = {"eps_abs": 1e-13, "eps_rel": 1e-13}
-
-
-def sparse(qp):
-    return QP(*(sp.csc_array(v) if v.ndim == 2 else v for v in qp))
 
 
 FORMS = {

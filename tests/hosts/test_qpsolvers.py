@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import qpsolvers
 import scipy.sparse as sp
-from qpsolvers import Problem, solve_ls, solve_problem, solve_qp
+from qpsolvers import Problem, solve_ls, solve_problem
 from qpsolvers import problems as host
 from qpsolvers.exceptions import ParamError, SolverError
 from test_conformance import TEXTBOOK
@@ -91,11 +91,6 @@ def test_large_sparse_least_squares():
         assert (G @ x - h).max() < 1e-10
         assert np.abs(A @ x - b).max() < 1e-10
         assert x.min() >= -1e-10
-
-
-def test_no_point_is_none():
-    P, q = np.diag([1.0, 0.0]), np.array([0.0, -1.0])
-    assert solve_qp(P, q, lb=np.zeros(2), solver="nam") is None
 
 
 class Hostile:

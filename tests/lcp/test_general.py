@@ -23,17 +23,6 @@ MOST = 60
 # ---- friction
 
 
-@pytest.mark.parametrize("bodies", [3, 10, 40])
-@pytest.mark.parametrize("ratio", [1.0, 1e4])
-def test_friction_is_solved_to_rounding(bodies, ratio):
-    for seed, mu in enumerate((0.2, 0.5, 0.9)):
-        A, q = problems.friction(np.random.default_rng(seed), bodies, mu, ratio)
-        for given in (A, A.toarray()):
-            result = solve_lcp(given, q)
-            assert_solves_lcp(result, A, q)
-            assert result.residual < 1e-11 * np.abs(q).max()
-
-
 @pytest.mark.parametrize(
     ("family", "size", "seed", "ratio"),
     [

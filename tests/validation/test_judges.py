@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 import qpsolvers
-from problems_qp import make_qp
+from problems_qp import dense, make_qp
 
 import namlcp
 from namlcp import Status, solve_qp
@@ -28,9 +28,7 @@ ROW = np.ones((1, 1))
 
 
 def dense_qp(*data, **bounds):
-    """Return a QP of dense matrices."""
-    qp = make_qp(*data, **bounds)
-    return qp._replace(**{name: getattr(qp, name).toarray() for name in "PGA"})
+    return dense(make_qp(*data, **bounds))
 
 
 BELOW_ONE = dense_qp(ROW, -3.0 * ONE, lb=0.0 * ONE, ub=ONE)

@@ -1,4 +1,4 @@
-"""Kernels beside plain transcriptions: relaxation, cones."""
+"""Factors with friction cones eliminated, beside dense algebra."""
 
 import numpy as np
 import pytest
@@ -6,14 +6,6 @@ from scipy import sparse
 
 from namlcp.lcp.general.cones import system_of
 from validation.problems.general.families import FAMILIES
-
-
-@pytest.fixture
-def rng():
-    return np.random.default_rng(20261121)
-
-
-# ---- factors with friction cones eliminated
 
 
 def friction(family, n=120, seed=0):
