@@ -35,12 +35,12 @@ cdef struct Terms:
     double *Aty
 
 cdef void measure(const Terms* t, Numbers* found) noexcept nogil
-cdef double gap_by_products(const Terms* t, double* finite, double* beside) noexcept nogil
+cdef double gap_by_products(const Terms* t) except? -1
 cdef double finite_dot(const double* sides, const double* multipliers, double sign, Py_ssize_t n, double* finite, double* beside) noexcept nogil
 cdef int set_terms(Terms* t, object qp, object point) except -1
 cpdef tuple residuals_of_products(object qp, object point, tuple products)
 cpdef tuple residuals_of_columns(object qp, object point)
-cdef tuple in_order(const Terms* t, double* work)
+cdef tuple in_order(const Terms* t)
 cpdef double largest_ratio(object found, double eps_abs, double eps_rel) except? -1
 cpdef double signed_gap(object qp, object point, object Px) except? -1
 cpdef tuple on_bounds(const double[::1] x, const double[::1] z_box, const double[::1] lb, const double[::1] ub, bint moves)

@@ -67,12 +67,14 @@ def measure(t, found):
     found.objective = 0.5 * xPx + qx
 
 
-def gap_by_products(t, finite, beside):
+def gap_by_products(t):
     """Return x'Px + q'x + b'y + h'z + lb'z_box^- + ub'z_box^+ as qpsolvers adds it.
 
     An infinite side has no term. NumPy, and so qpsolvers, takes dot products from BLAS.
-    finite and beside (max(n, m),) are overwritten.
     """
+    size = max(t.n, t.m)
+    work = new_vector(2 * size)
+    finite, beside = data_of(work), data_of(work) + size
     gap = blas_dot(t.x, t.Px, t.n) + blas_dot(t.q, t.x, t.n)
     gap += finite_dot(t.h, t.z, 0.0, t.m, finite, beside)
     gap += blas_dot(t.b, t.y, t.p)
@@ -118,8 +120,7 @@ def residuals_of_products(qp, point, products):
     Px, Gx, Ax, Gtz, Aty = products
     t.Px, t.Gx, t.Ax = numbers(Px, t.n), numbers(Gx, t.m), numbers(Ax, t.p)
     t.Gtz, t.Aty = numbers(Gtz, t.n), numbers(Aty, t.n)
-    work = new_vector(2 * max(t.n, t.m))
-    return in_order(cython.address(t), data_of(work))
+    return in_order(cython.address(t))
 
 
 def residuals_of_columns(qp, point):
@@ -129,7 +130,7 @@ def residuals_of_columns(qp, point):
     P, _, G, _, A, _, _, _ = qp
     set_terms(cython.address(t), qp, point)
     n, m, p = t.n, t.m, t.p
-    work = new_vector(3 * n + m + p + 2 * max(n, m))
+    work = new_vector(3 * n + m + p)
     t.Px = data_of(work)
     t.Gtz, t.Aty = t.Px + n, t.Px + 2 * n
     t.Gx = t.Px + 3 * n
@@ -145,14 +146,14 @@ def residuals_of_columns(qp, point):
         take_columns(A, n, cython.address(M))
         columns_times(cython.address(M), n, t.x, t.Ax)
         columns_times_transposed(cython.address(M), n, t.y, t.Aty)
-    return in_order(cython.address(t), t.Ax + p)
+    return in_order(cython.address(t))
 
 
-def in_order(t, work):
+def in_order(t):
     """Return the numbers, with the gap as qpsolvers adds it."""
     found: Numbers
     measure(t, cython.address(found))
-    found.gap = fabs(gap_by_products(t, work, work + max(t.n, t.m)))
+    found.gap = fabs(gap_by_products(t))
     return (
         found.primal, found.dual, found.gap, found.primal_size, found.dual_size,
         found.gap_size, found.objective,
@@ -180,9 +181,7 @@ def signed_gap(qp, point, Px):
     t: Terms
     set_terms(cython.address(t), qp, point)
     t.Px = numbers(Px, t.n)
-    size = max(t.n, t.m)
-    work = new_vector(2 * size)
-    return gap_by_products(cython.address(t), data_of(work), data_of(work) + size)
+    return gap_by_products(cython.address(t))
 
 
 def on_bounds(x, z_box, lb, ub, moves):

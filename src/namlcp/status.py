@@ -134,8 +134,7 @@ class Progress:
     def __init__(self, columns: tuple[str, ...], verbose: bool):
         self.columns, self.verbose = (*columns, "time"), verbose
         self.rows: list[tuple] = []
-        self.shown = True  # the last row was printed
-        self.start = self.last = time.perf_counter()  # last: of a printed row
+        self.start, self.last = time.perf_counter(), 0.0  # last: of a printed row
 
     def say(self, text: str) -> None:
         if self.verbose:
@@ -147,12 +146,11 @@ class Progress:
             names = ("time [s]" if c == "time" else c for c in self.columns)
             self.say("".join(f"{name:>10}" for name in names))
         self.rows.append(row)
-        self.shown = row[-1] > self.last - self.start + SILENCE or is_shown(iteration)
-        if self.shown:
+        if row[-1] > self.last + SILENCE or is_shown(iteration):
             self.show(row)
 
     def show(self, row: tuple) -> None:
-        self.last = time.perf_counter()
+        self.last = row[-1]
         cells = (
             f"{value:10d}" if name in COUNTS else f"{value:10.2e}"
             for name, value in zip(self.columns, row, strict=True)
@@ -160,7 +158,7 @@ class Progress:
         self.say("".join(cells))
 
     def close(self, answer: Outcome, start: float) -> None:
-        if not self.shown:
+        if self.rows and self.rows[-1][-1] > self.last:
             self.show(self.rows[-1])
         r, seconds = answer.residuals, time.perf_counter() - start
         if isinstance(r, float):
