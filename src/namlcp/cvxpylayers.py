@@ -17,6 +17,7 @@ import numpy as np
 import scipy.sparse as sp
 from cvxpylayers.interfaces.base import SolverInterface
 
+from namlcp.derivatives.gradients import rank_two_on
 from namlcp.results import QPResult
 from namlcp.solve.qp import solve_qp
 from namlcp.status import Status
@@ -59,14 +60,8 @@ class NAM(SolverInterface):
             raise ValueError(
                 f"the problem must be a QP, got cones of the kinds {', '.join(cones)}"
             )
-        rows = numbered(context.reduced_A.problem_data_index)
-        n = rows.shape[1] - 1
-        self.A, self.G = rows[: dims.zero, :n], rows[dims.zero :, :n]
-        self.b, self.h = rows[: dims.zero, n:], rows[dims.zero :, n:]
-        self.entries = rows.nnz
-        squares = getattr(context.reduced_P, "problem_data_index", None)
-        empty = np.empty(0, int), np.zeros(n + 1, int), (n, n)
-        self.P = numbered(empty if squares is None else squares)
+        self.rows = context.reduced_A.problem_data_index
+        self.squares = getattr(context.reduced_P, "problem_data_index", None)
 
     def solve_numpy(
         self,
@@ -78,13 +73,14 @@ class NAM(SolverInterface):
         needs_grad: bool,
     ) -> tuple[np.ndarray, np.ndarray, QPResult]:
         """Return x, (y, z) and the result, for values on the patterns."""
+        n, p, rows = q.size - 1, dims.zero, filled(self.rows, A)
         result = solve_qp(
-            filled(self.P, np.empty(0) if P is None else P),
-            q[:-1],
-            -filled(self.G, A),
-            filled(self.h, A).toarray(),
-            -filled(self.A, A),
-            filled(self.b, A).toarray(),
+            sp.csc_array((n, n)) if P is None else filled(self.squares, P),
+            q[:n],
+            -rows[p:, :n],
+            rows[p:, n:].toarray(),
+            -rows[:p, :n],
+            rows[:p, n:].toarray(),
             **solver_args,
         )
         if result.status is not Status.SOLVED:
@@ -99,23 +95,15 @@ class NAM(SolverInterface):
         """Return the gradients in the values of P, of (q, offset) and of the rows."""
         p = saved_state.y.size
         found = saved_state.backward(dx=dprimal, dy=ddual[:p], dz=ddual[p:])
-        rows = np.zeros(self.entries)
-        rows[self.G.data - 1], rows[self.A.data - 1] = -found.G.data, -found.A.data
-        rows[self.h.data - 1] = found.h[self.h.indices]
-        rows[self.b.data - 1] = found.b[self.b.indices]
-        dP = found.P.data if self.P.nnz else None
-        return dP, np.append(found.q, 0.0), rows
+        x, y, z, _ = saved_state.derivative.point
+        v, slopes = np.append(y, z), np.append(found.b, found.h)
+        pattern = filled(self.rows, np.ones(self.rows[0].size))
+        of_q = np.append(found.q, 0.0)
+        rows = rank_two_on(pattern, -v, of_q, slopes, np.append(x, 1.0))
+        return None if self.squares is None else found.P.data, of_q, rows.data
 
 
-def numbered(pattern: tuple[Any, Any, Any]) -> sp.csc_array:
-    """Return a matrix with a pattern (indices, indptr, shape) and values 1, 2, ..."""
+def filled(pattern: tuple[Any, Any, Any], values: np.ndarray) -> sp.csc_array:
+    """Return the matrix of a pattern (indices, indptr, shape) with these values."""
     indices, indptr, shape = pattern
-    M = sp.csc_array((np.arange(1, indices.size + 1), indices, indptr), shape=shape)
-    M.sort_indices()
-    return M
-
-
-def filled(numbers: sp.csc_array, values: np.ndarray) -> sp.csc_array:
-    """Return a block of a numbered matrix with the values of these numbers."""
-    parts = values[numbers.data - 1], numbers.indices, numbers.indptr
-    return sp.csc_array(parts, shape=numbers.shape)
+    return sp.csc_array((values, indices, indptr), shape=shape)
