@@ -23,7 +23,7 @@ from namlcp.lcp.data import LCP, Prepared
 from namlcp.linalg.csc import times
 from namlcp.qp.batch import CHANGED, STATUSES, Items
 from namlcp.qp.closest import Nearest
-from namlcp.qp.intake import qp_data
+from namlcp.qp.intake import whole
 from namlcp.qp.problem import QP, Point
 from namlcp.residuals import Residuals
 from namlcp.result_base import LCPResultBase, ResultBase
@@ -788,8 +788,8 @@ def problem_of(result: Any) -> Any:
         problem = LCP(matrix, q, lower, upper), A
     if result.stamp not in (None, stamp_now(problem)):
         raise ValueError(CHANGED)
-    if len(problem) == len(QP._fields):  # the arguments of `solve_qp`
-        return qp_data(*problem), problem[:6:2]
+    if len(problem) == len(QP._fields):  # the clean arguments of `solve_small`
+        return whole(*problem), problem[:6:2]
     return problem
 
 

@@ -23,19 +23,24 @@ def qp_data(P, q, G, h, A, b, lb, ub):
     """Return the user's QP as checked, clean arrays."""
     P, G, A = shortened(P), shortened(G), shortened(A)
     if is_clean(P, q, G, h, A, b, lb, ub):
-        rows, sides, below, above = absent_parts(q.size)
-        if not cnp.PyArray_CheckExact(P):
-            rows = checks.no_rows(q.size)
-        parts = (
-            P, q,
-            rows if G is None else G, sides if h is None else h,
-            rows if A is None else A, sides if b is None else b,
-            below if lb is None else lb, above if ub is None else ub,
-        )  # fmt: skip
-        return tuple.__new__(QP, parts)  # in half the time of QP(*parts)
+        return whole(P, q, G, h, A, b, lb, ub)
     qp = qp_arrays(P, q, G, h, A, b, lb, ub)
     P, q, G, h, A, b, lb, ub = qp
     return qp if is_clean(P, q, G, h, A, b, lb, ub) else repaired(qp)
+
+
+def whole(P, q, G, h, A, b, lb, ub):
+    """Return the QP of clean arguments, of which some may be None."""
+    rows, sides, below, above = absent_parts(q.size)
+    if not cnp.PyArray_CheckExact(P):
+        rows = checks.no_rows(q.size)
+    parts = (
+        P, q,
+        rows if G is None else G, sides if h is None else h,
+        rows if A is None else A, sides if b is None else b,
+        below if lb is None else lb, above if ub is None else ub,
+    )  # fmt: skip
+    return tuple.__new__(QP, parts)  # in half the time of QP(*parts)
 
 
 def shortened(M):
