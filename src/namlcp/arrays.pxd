@@ -12,7 +12,7 @@ cdef enum:
 
 cdef object NO_ENTRIES
 
-cdef bint fits(object value, int ndim)
+cpdef bint fits(object value, int ndim)
 cdef bint are_places(object value)
 cdef bint are_long(object value)
 cdef bint _is_clean(object value, int kind, int ndim)

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
-from namlcp.arrays import from_arrays
+from namlcp.arrays import fits, from_arrays
 from namlcp.checks import matrix, refuse_number, sparse_matrix, vector
 from namlcp.derivatives.dense import add_rank_two_at, rank_two
 from namlcp.qp.problem import Point
@@ -102,7 +102,10 @@ def change(name: str, value: Any, other: str, own: Any) -> Any:
     if value is None:
         return np.zeros(own.size) if own.ndim == 1 else None
     if own.ndim == 1:
-        return vector(name, value, own.size, other, own.shape, finite=True)
+        if not (fits(value, 1) and value.size == own.size):
+            value = vector(name, value, own.size, other, own.shape)
+        refuse_number(name, value, False)
+        return value
     C = matrix(name, value, "csc")
     if C.shape != own.shape:
         raise ValueError(

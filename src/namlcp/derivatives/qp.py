@@ -163,9 +163,10 @@ class QPDerivative:
         return N
 
     def backward(self, dx: Any, dy: Any, dz: Any, dz_box: Any) -> QPGradients:
-        parts = zip(Point._fields, (dx, dy, dz, dz_box), self.solution, strict=True)
-        given = tuple(change(f"d{name}", d, name, own) for name, d, own in parts)
-        vectors = q, h, b, lb, ub = self.solve(given)
+        x, y, z, z_box = self.solution
+        dx, dy = change("dx", dx, "x", x), change("dy", dy, "y", y)
+        dz, dz_box = change("dz", dz, "z", z), change("dz_box", dz_box, "z_box", z_box)
+        vectors = q, h, b, lb, ub = self.solve((dx, dy, dz, dz_box))
         matrix = partial(matrix_gradient, self.given, vectors, self.point)
         return QPGradients(q, h, b, lb, ub, self.weak, self.singular, matrix)
 
