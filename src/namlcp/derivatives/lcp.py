@@ -139,11 +139,8 @@ class LCPDerivative:
         r = change("dq", dq, "q", q)
         if dA is not None:
             r = r + dA @ self.z
-        dlower, dupper = (
-            change("dlower", dlower, "q", q),
-            change("dupper", dupper, "q", q),
-        )
-        return r, np.where(side < 0, dlower, dupper)
+        dlower = change("dlower", dlower, "q", q)
+        return r, np.where(side < 0, dlower, change("dupper", dupper, "q", q))
 
 
 def factored(matrix: Prepared, free: np.ndarray) -> "LUFactors | KKTFactors":
