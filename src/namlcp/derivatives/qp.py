@@ -55,7 +55,6 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from scipy.sparse import vstack
 
 from namlcp.checks import as_sparse, from_arrays, no_rows, real_array, refuse_number
 from namlcp.derivatives.dense import DenseItem, differentiate_part, sides_of
@@ -65,13 +64,12 @@ from namlcp.derivatives.gradients import (
     QPTangent,
     change,
     matrix_gradient,
-    rank_two_on,
     right_sides,
 )
 from namlcp.linalg.csc import add_transposed, by_rows, submatrix, times
 from namlcp.options import DEFAULT_OPTIONS, check_count
 from namlcp.qp.batch import Items, available_cores, chunks_of, on_threads
-from namlcp.qp.closest import Face
+from namlcp.qp.closest import Face, stacked
 from namlcp.qp.intake import qp_data
 from namlcp.qp.kkt import KKT, equilibrate
 from namlcp.qp.problem import NO_GUESS, QP, Point
@@ -136,8 +134,7 @@ class QPDerivative:
     @cached_property
     def C(self) -> Any:
         """[A; G]."""
-        rows = self.qp.A, self.qp.G
-        return np.concatenate(rows) if self.qp.is_dense else vstack(rows, "csc")
+        return stacked(0, self.qp.A, self.qp.G)
 
     def factored(self, held: np.ndarray) -> "KKTFactors":
         P, C = as_sparse(self.qp.P), as_sparse(self.C)
@@ -402,8 +399,8 @@ class ClosestDerivative:
         before = np.concatenate((np.zeros(dx.size), dr))
         first = self.first.backward(before, None, None, None)
         mu = face.spread(first.b, np.zeros(second.h.size))
-
-        g_h, g_upper, g_lower, g_b = face.rows.parts(lam + mu)
+        slopes = face.rows.parts(np.array((lam, mu)))
+        g_h, g_upper, g_lower, g_b = (v.sum(axis=0) for v in slopes)
         fixed, up = face.v_box != 0.0, face.v_box > 0.0
         moved = second.lb + second.ub + (first.lb + first.ub)[: dx.size]
         lb = np.where(fixed, np.where(up, 0.0, moved), second.lb)
@@ -411,23 +408,16 @@ class ClosestDerivative:
         lb[face.rows.lower] -= g_lower
         ub[face.rows.upper] += g_upper
 
-        point = self.second.point
-        x, y, z, _ = point
+        x, y, z, _ = point = self.second.point
         forces = face.spread(y, z), face.spread(self.first.point.y, 0.0 * z)
-        of_q = np.array((second.q, first.q[: x.size]))
+        z, _, _, y = face.rows.parts(np.array(forces))
         vectors = second.q, g_h, g_b, lb, ub
+        of_both = np.array((second.q, first.q[: x.size])), slopes[0], slopes[-1]
+        at_both = Point(np.array((x, x)), y, z, None)
 
         def matrix(name: str) -> Any:
-            """Return the gradient in P; in C it is the sum of v g_q' - lam x'."""
-            if name == "P":
-                return matrix_gradient(self.given, vectors, point, name)
-            part = 0 if name == "G" else -1
-            v, slopes = (
-                np.array([face.rows.parts(w)[part] for w in pair])
-                for pair in (forces, (lam, mu))
-            )
-            pattern = self.given["PGA".index(name)]
-            return rank_two_on(pattern, v, of_q, -slopes, np.array((x, x)))
+            stages = (vectors, point) if name == "P" else (of_both, at_both)
+            return matrix_gradient(self.given, *stages, name)
 
         return QPGradients(*vectors, second.weak, first.singular, matrix)
 

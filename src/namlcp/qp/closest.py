@@ -107,9 +107,9 @@ class Rows(NamedTuple):
         return float(self.weights[soft] @ r**self.norm)
 
     def parts(self, v: np.ndarray) -> list[np.ndarray]:
-        """Return the parts of v: G, upper, lower, A."""
+        """Return the parts of v: G, upper, lower, A; it may have leading axes."""
         ends = np.cumsum((self.p, self.lower.size, self.upper.size))
-        return np.split(v, v.size - ends[::-1])
+        return np.split(v, v.shape[-1] - ends[::-1], axis=-1)
 
     def point(self, x: np.ndarray, v: np.ndarray, v_box: np.ndarray) -> Point:
         z, of_upper, of_lower, y = self.parts(v)
