@@ -23,6 +23,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from namlcp.derivatives.gradients import right_sides
+from namlcp.qp.problem import Point
 from namlcp.results import QPSolution
 from namlcp.stack import AXES, Stack
 
@@ -137,17 +139,16 @@ def derivative(found: Any, data: Any, changes: Any) -> tuple[jax.Array, ...]:
     x, y, z = (jnp.where(solved, v, 0.0) for v in found[:3])
     P, _, G, _, A, *_ = (jnp.where(solved, v, 0.0) for v in data)
     rows, side = found[5:]
-    dP, dq, dG, dh, dA, db, dlb, dub = changes
-    r = dP @ x + dq + dG.T @ z + dA.T @ y
-    right = jnp.concatenate((-r, dh - dG @ x, db - dA @ x))
-    moved = jnp.where(side < 0.0, dlb, jnp.where(side > 0.0, dub, 0.0))
+    d = dict(zip(AXES, changes, strict=True))
+    of_x, of_y, of_z, moved = right_sides(d, Point(x, y, z, None), side)
+    right = jnp.concatenate((of_x, of_z, of_y))
     C, v = jnp.concatenate((G, A)), jnp.concatenate((z, y))
     H = jnp.block([[P, C.T], [C, jnp.zeros_like(jnp.outer(v, v))]])
     free = jnp.where(side == 0.0, 1.0, 0.0)
     t = jnp.concatenate((free, rows, jnp.ones_like(y)))
     sign = jnp.concatenate((jnp.ones_like(x), -jnp.ones_like(v)))
     K = t[:, None] * H * t + jnp.diag(sign * (1.0 - t))
-    w = jnp.concatenate((moved, jnp.zeros_like(v)))
+    w = jnp.concatenate(((1.0 - free) * moved, jnp.zeros_like(v)))
     w += t * solve_symmetric(K, t * (right - H @ w), sign)
 
     dx, dz, dy = jnp.split(w, (x.size, x.size + z.size))

@@ -5,7 +5,7 @@ NumPy's do: P of shape (n, n) belongs to all items, q of shape (10, 1, n) and h 
 (5, m) make 10 x 5 items. Gradients have the shapes of the arguments.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -63,7 +63,7 @@ class Stack:
             *(np.where(solved[:, None], np.atleast_2d(v), np.nan) for v in values)
         )
         self.solved = solved.reshape(self.lead)
-        self.solution = self.shaped(self.points)
+        self.solution = Point(*self.shaped(self.points))
         self.threads = settings.get("threads")
 
     def flattened(self, parts: Arrays) -> Arrays:
@@ -77,9 +77,9 @@ class Stack:
             flat[name] = part.reshape(own)
         return flat
 
-    def shaped(self, points: Point) -> Point:
+    def shaped(self, values: Iterable[np.ndarray]) -> list[np.ndarray]:
         """Return values of all items with the leading axes instead of one."""
-        return Point(*(v.reshape(*self.lead, v.shape[1]) for v in points))
+        return [v.reshape(*self.lead, v.shape[1]) for v in values]
 
     def backward(self, cotangents: Sequence[Any], wanted: Sequence[bool]) -> list[Any]:
         """Return the gradients in the wanted arguments, None for the others.
@@ -115,13 +115,11 @@ class Stack:
         changes = {name: np.array(v) for name, v in named if v is not None}
         for name, change in changes.items():
             refuse_number(f"d{name}", change, False)
-        point, sides = self.held.points, self.held.sides
-        parts = {"q": "x", "b": "y", "h": "z", "lb": "x", "ub": "x"}
-        absent = {k: np.zeros(getattr(point, part).shape) for k, part in parts.items()}
-        d = absent | self.flattened(changes)
-        rights = right_sides(d, point, sides[:, point.z.shape[1] :])
+        point, sides = self.held.points, self.held.sides[:, self.points.z.shape[1] :]
+        rights = right_sides(self.flattened(changes), point, sides)
+        rights = tuple(map(np.broadcast_to, rights, map(np.shape, point)))
         q, h, b, lb, ub = self.derivative.solve(rights).vectors
-        return self.shaped(Point(-q, b, h, lb + ub))
+        return Point(*self.shaped((-q, b, h, lb + ub)))
 
     @cached_property
     def derivative(self) -> BatchDerivative:
@@ -132,17 +130,14 @@ class Stack:
     @cached_property
     def held(self) -> Any:
         """The constraints held of each item, and the solution with multipliers used."""
-        return self.derivative.solve(tuple(map(np.zeros_like, self.points)))
+        return self.derivative.solve((None,) * 4)
 
-    def faces(self) -> tuple[np.ndarray, np.ndarray]:
+    def faces(self) -> list[np.ndarray]:
         """Return which rows of G are held active (1 or 0), and the side of each x_j.
 
         The side is -1 at a lower bound, 1 at an upper one, else 0.
         """
-        sides = self.held.sides
-        sides = sides.reshape(*self.lead, sides.shape[1])
-        held, side = np.split(sides, [self.points.z.shape[1]], axis=-1)
-        return held, side
+        return self.shaped(np.split(self.held.sides, [self.points.z.shape[1]], axis=1))
 
 
 def lead_of(name: str, part: np.ndarray) -> tuple[int, ...]:

@@ -88,6 +88,12 @@ def test_items_that_fail_are_nan_and_have_no_gradients():
     assert (rows[1:] == 0.0).all()
 
 
+def test_a_shared_argument_alone_may_change():
+    stack = Stack(small(P=np.stack([np.eye(2), 2.0 * np.eye(2)])), SHARP)
+    along = stack.forward([None, np.array([1.0, -1.0]), *[None] * 6])
+    np.testing.assert_allclose(along.x, [[-1.0, 1.0], [-0.5, 0.5]])
+
+
 def test_shapes_are_named():
     with pytest.raises(ValueError, match=r"P must have at least 2 axes, got shape \(2"):
         Stack(small(P=np.ones(2)), {})

@@ -159,22 +159,21 @@ def right_sides(d: dict[str, Any], point: Point, side: Any) -> tuple[Any, ...]:
     """Return -(dP x + dq + dG'z + dA'y), db - dA x, dh - dG x and dub or dlb.
 
     The last one for x_j whose side is not 0. Of dP the symmetric part counts. All may
-    have a leading axis, or the changes none.
+    have a leading axis, or the changes none. Absent changes, or None, are 0.
     """
     x, y, z, _ = point
+    dP, dG, dA = map(d.get, "PGA")
+    dq, db, dh, dlb, dub = (d.get(name, 0.0) for name in ("q", "b", "h", "lb", "ub"))
 
-    def times(name: str, v: np.ndarray, transposed: bool = False) -> Any:
-        M = d.get(name)
-        if M is None:
-            return 0.0
-        if v.ndim == 1:
-            return v @ M if transposed else M @ v
-        return np.einsum(f"...{'ji' if transposed else 'ij'},...j->...i", M, v)
+    def times(M: Any, v: Any) -> Any:
+        return 0.0 if M is None else (M @ v[..., None])[..., 0]
 
-    r = d["q"] + 0.5 * (times("P", x) + times("P", x, True))
-    r = r + times("G", z, True) + times("A", y, True)
-    moved = np.where(side > 0, d["ub"], d["lb"])
-    return -r, d["b"] - times("A", x), d["h"] - times("G", x), moved
+    def turned(v: Any, M: Any) -> Any:
+        return 0.0 if M is None else (v[..., None, :] @ M)[..., 0, :]
+
+    r = dq + 0.5 * (times(dP, x) + turned(x, dP)) + turned(z, dG) + turned(y, dA)
+    moved = (side > 0) * dub + (side <= 0) * dlb
+    return -r, db - times(dA, x), dh - times(dG, x), moved
 
 
 class LCPTangent(NamedTuple):
