@@ -8,7 +8,7 @@ torch = pytest.importorskip("torch")
 from namlcp.torch import solve_qp  # noqa: E402
 
 # torch's own forward mode uses what torch deprecates
-pytestmark = pytest.mark.filterwarnings("ignore:.*torch.jit.script:DeprecationWarning")
+pytestmark = pytest.mark.filterwarnings("ignore:.*torch.jit.script")
 
 
 def tensors(kind=torch.float64, **shape):
