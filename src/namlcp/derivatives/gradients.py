@@ -122,15 +122,13 @@ def rank_two_on(pattern: Any, a: Any, b: Any, c: Any, d: Any) -> Any:
     """
     if not sp.issparse(pattern):
         return rank_two(a, b, c, d) if a.ndim == 1 else a.T @ b + c.T @ d
-    is_csr = pattern.format == "csr"
-    pattern = sparse_matrix("pattern", pattern, "csr" if is_csr else "csc")
-    if is_csr:
-        a, b, c, d = b, a, d, c
+    if pattern.format == "csr":
+        return rank_two_on(pattern.T, b, a, d, c).T
+    pattern = sparse_matrix("pattern", pattern, "csc")
     indptr, indices, data = pattern.indptr, pattern.indices, np.zeros(pattern.nnz)
     for vectors in zip(*map(np.atleast_2d, (a, b, c, d)), strict=True):
         add_rank_two_at(pattern, *vectors, data)
-    kind = sp.csr_array if is_csr else sp.csc_array
-    return from_arrays((indptr.copy(), indices.copy(), data), pattern.shape, kind)
+    return from_arrays((indptr.copy(), indices.copy(), data), pattern.shape)
 
 
 def matrix_gradient(
