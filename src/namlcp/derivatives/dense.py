@@ -23,7 +23,7 @@ from cython.cimports import numpy as cnp
 from cython.cimports.libc.math import fabs, sqrt
 
 from namlcp.checks import as_sparse
-from namlcp.linalg.csc import add_transposed, times
+from namlcp.linalg.csc import times
 
 # A multiplier counts as 0 if in no column of the stationarity condition its term
 # exceeds this multiple of the largest term there; a slack counts as 0 up to this
@@ -45,10 +45,7 @@ def sides_of(qp, point):
     (P, q, _, _, A, _, _, _), (x, y, z, z_box) = qp, point
     set_terms(cython.address(t), qp, point)
     n, m, p, G = t.n, t.m, t.p, as_sparse(qp.G)
-    Gtz, Aty = np.zeros((2, n))
-    add_transposed(qp.G, z, Gtz)
-    add_transposed(A, y, Aty)
-    size = np.abs((times(P, x), q, z_box, Gtz, Aty)).max(axis=0)
+    size = np.abs((times(P, x), q, z_box, qp.G.T @ z, A.T @ y)).max(axis=0)
     np.divide(1.0, size, size, where=size > 0.0)
     entries, share = np.abs(G.data), np.zeros(m)
     np.maximum.at(share, G.indices, entries * np.repeat(size, np.diff(G.indptr)))
