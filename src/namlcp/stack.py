@@ -17,7 +17,6 @@ from namlcp.derivatives.qp import BatchDerivative
 from namlcp.qp.batch import Items
 from namlcp.qp.problem import QP, Point
 from namlcp.solve.qp import solve_batch, solve_qp
-from namlcp.status import Status
 
 AXES = dict(zip(QP._fields, (2, 1, 2, 1, 2, 1, 1, 1), strict=True))
 """The number of axes of each argument of one QP."""
@@ -54,10 +53,8 @@ class Stack:
         self.flat: dict[str, Any] = dict.fromkeys(AXES) | self.flattened(self.parts)
         solve: Any = solve_batch if self.lead else solve_qp
         found = solve(**self.flat, **settings)
-        if self.lead:
-            solved, self.items = found.solved, found.problem
-        else:
-            solved, self.items = np.array([found.status is Status.SOLVED]), None
+        self.items = found.problem if self.lead else None
+        solved = np.atleast_1d(found.solved if self.lead else found.found)
         values = found.x, found.y, found.z, found.z_box
         self.points = Point(
             *(np.where(solved[:, None], np.atleast_2d(v), np.nan) for v in values)
