@@ -268,7 +268,6 @@ def independent(
     """
     p, m, sign = qp.b.size, qp.h.size, signs(qp, held)
     value, left_out = np.concatenate(point[1:]), np.zeros(sign.size, dtype=bool)
-    value[sign * value < 0.0] = 0.0
     for k in range(N.shape[1]):
         column = N[:, k]
         size = np.abs(column)
@@ -277,12 +276,11 @@ def independent(
         if places.size:
             i = places[np.argmin(np.abs(value[places]) / size[places])]
             value = value - value[i] / column[i] * column
-            value[sign * value < 0.0] = 0.0
-            value[i] = 0.0
         else:
             i = int(np.argmax(size[:p]))
         left_out[i] = True
         N[:, k + 1 :] -= np.outer(column, N[i, k + 1 :] / column[i])
+    value[(left_out & (sign != 0)) | (sign * value < 0.0)] = 0.0
     return np.where(left_out, 0, held), Point(point.x, *np.split(value, (p, p + m)))
 
 
