@@ -61,7 +61,7 @@ class NAM(SolverInterface):
                 f"the problem must be a QP, got cones of the kinds {', '.join(cones)}"
             )
         self.rows = context.reduced_A.problem_data_index
-        self.squares = getattr(context.reduced_P, "problem_data_index", None)
+        self.squares: Any = getattr(context.reduced_P, "problem_data_index", None)
 
     def solve_numpy(
         self,

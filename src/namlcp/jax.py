@@ -136,11 +136,11 @@ def with_derivative(settings: Any, primals: Any, tangents: Any) -> Any:
 def derivative(found: Any, data: Any, changes: Any) -> tuple[jax.Array, ...]:
     solved = found[4] == 1.0
     # where nothing is solved, NaN must not meet the derivatives, not even times 0
-    x, y, z = (jnp.where(solved, v, 0.0) for v in found[:3])
+    x, y, z, _ = point = Point(*(jnp.where(solved, v, 0.0) for v in found[:4]))
     P, _, G, _, A, *_ = (jnp.where(solved, v, 0.0) for v in data)
     rows, side = found[5:]
     d = dict(zip(AXES, changes, strict=True))
-    of_x, of_y, of_z, moved = right_sides(d, Point(x, y, z, None), side)
+    of_x, of_y, of_z, moved = right_sides(d, point, side)
     right = jnp.concatenate((of_x, of_z, of_y))
     C, v = jnp.concatenate((G, A)), jnp.concatenate((z, y))
     H = jnp.block([[P, C.T], [C, jnp.zeros_like(jnp.outer(v, v))]])

@@ -788,7 +788,7 @@ def problem_of(result: Any) -> Any:
         problem = LCP(matrix, q, lower, upper), A
     if result.stamp not in (None, stamp_now(problem)):
         raise ValueError(CHANGED)
-    if len(problem) == len(QP._fields):  # the clean arguments of `solve_small`
+    if len(problem) == len(QP._fields):  # the arguments of `solve_small`
         return whole(*problem), problem[:6:2]
     return problem
 

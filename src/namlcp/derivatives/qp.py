@@ -406,16 +406,16 @@ class ClosestDerivative:
         lb[face.rows.lower] -= g_lower
         ub[face.rows.upper] += g_upper
 
-        x, y, z, _ = point = self.second.point
+        x, y, z, z_box = point = self.second.point
         forces = face.spread(y, z), face.spread(self.first.point.y, 0.0 * z)
         z, _, _, y = face.rows.parts(np.array(forces))
         vectors = second.q, g_h, g_b, lb, ub
         of_both = np.array((second.q, first.q[: x.size])), slopes[0], slopes[-1]
-        at_both = Point(np.array((x, x)), y, z, None)
+        at_both = Point(np.array((x, x)), y, z, z_box)
 
         def matrix(name: str) -> Any:
-            stages = (vectors, point) if name == "P" else (of_both, at_both)
-            return matrix_gradient(self.given, *stages, name)
+            of, at = (vectors, point) if name == "P" else (of_both, at_both)
+            return matrix_gradient(self.given, of, at, name)
 
         return QPGradients(*vectors, second.weak, first.singular, matrix)
 

@@ -30,7 +30,11 @@ def qp_data(P, q, G, h, A, b, lb, ub):
 
 
 def whole(P, q, G, h, A, b, lb, ub):
-    """Return the QP of clean arguments, of which some may be None."""
+    """Return the QP of clean arguments, but for the order of dense matrices.
+
+    Some may be None.
+    """
+    P, G, A = by_rows(P), by_rows(G), by_rows(A)
     rows, sides, below, above = absent_parts(q.size)
     if not cnp.PyArray_CheckExact(P):
         rows = checks.no_rows(q.size)
@@ -41,6 +45,10 @@ def whole(P, q, G, h, A, b, lb, ub):
         below if lb is None else lb, above if ub is None else ub,
     )  # fmt: skip
     return tuple.__new__(QP, parts)  # in half the time of QP(*parts)
+
+
+def by_rows(M):
+    return cnp.PyArray_GETCONTIGUOUS(M) if cnp.PyArray_CheckExact(M) else M
 
 
 def shortened(M):

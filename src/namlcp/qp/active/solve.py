@@ -176,8 +176,6 @@ def solve_small(
     run(m)
     if m.code not in OUTCOMES:
         return None
-    if is_copied and not is_sparse:
-        given = P, q, G, h, A, b, lb, ub
     result: ResultBase = result_of(m, kind, given, start, ready)
     result.stamp = stamp_of(given)
     if keeps and m.code == DONE and not is_sparse:
