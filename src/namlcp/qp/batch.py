@@ -50,10 +50,10 @@ def unanswered(size: int, qp: QP) -> SimpleNamespace:
     """Return the fields of `BatchResult` for QPs of these sizes, not yet written."""
     n, p, m = qp.q.size, qp.b.size, qp.h.size
     x, y, z, z_box = (np.empty((size, k)) for k in (n, p, m, n))
-    kinds = np.int8, float, [(k, float) for k in Residuals._fields], np.int64, "U12"
-    codes, obj, residuals, iterations, form = (np.empty(size, kind) for kind in kinds)
+    kinds = np.int8, [(k, float) for k in Residuals._fields], np.int64, "U12"
+    codes, residuals, iterations, form = (np.empty(size, kind) for kind in kinds)
     return SimpleNamespace(
-        codes=codes, x=x, y=y, z=z, z_box=z_box, obj=obj, residuals=residuals,
+        codes=codes, x=x, y=y, z=z, z_box=z_box, residuals=residuals,
         iterations=iterations, form=form, messages={}, closest={},
     )  # fmt: skip
 
@@ -61,7 +61,6 @@ def unanswered(size: int, qp: QP) -> SimpleNamespace:
 def put(found: SimpleNamespace, i: int, answer: Outcome) -> None:
     found.codes[i] = STATUSES.index(answer.status)
     found.x[i], found.y[i], found.z[i], found.z_box[i] = answer.point
-    found.obj[i] = OBJECTIVE.get(answer.status, answer.residuals.objective)
     found.residuals[i] = answer.residuals
     found.iterations[i], found.form[i] = answer.iterations, answer.method
     if answer.message:
@@ -158,6 +157,9 @@ def solve_items(
     if starts is None and options.time_limit == np.inf:
         left = solve_stack(items, found, options, threads)
     on_threads(lambda k: solve_one(left[k]), left.size, threads)
+    found.obj = found.residuals["objective"].copy()
+    for status, objective in OBJECTIVE.items():
+        found.obj[found.codes == STATUSES.index(status)] = objective
     return found
 
 
@@ -179,14 +181,12 @@ def solve_stack(
     firsts = [M[0] if M.ndim > 2 else M for M in arrays[:6:2]]
     work = 4.0 * qp.q.size * (qp.q.size + qp.h.size) * (qp.q.size + order)
     chunks = chunks_of(size, work, threads)
-    spaces: list[Any] = []
+    spaces = [DenseActiveSet() for _ in range(min(threads, len(chunks)))]
+    for space in spaces:
+        active.attach(space, *firsts, True)
 
     def solve_chunk(k: int) -> None:
-        try:
-            space = spaces.pop()
-        except IndexError:
-            space = DenseActiveSet()
-            active.attach(space, *firsts, True)
+        space = spaces.pop()
         active.solve_items(
             space, arrays, stacked, chunks[k].start, chunks[k].stop, options.settings,
             outs, codes, found.iterations,
@@ -195,14 +195,10 @@ def solve_stack(
 
     with blas_threads(1, order):
         on_threads(solve_chunk, len(chunks), threads)
-    found.obj[:] = found.residuals["objective"]
     found.form[:], left = "dual", np.full(size, True)
     for code, status in active.OUTCOMES.items():
-        ended = codes == code
-        found.codes[ended] = STATUSES.index(status)
-        if status in OBJECTIVE:
-            found.obj[ended] = OBJECTIVE[status]
-        left &= ~ended
+        found.codes[codes == code] = STATUSES.index(status)
+        left &= codes != code
     if options.relaxation:
         left |= codes == Code.CONTRADICTION
     return np.flatnonzero(left)
