@@ -154,6 +154,7 @@ QP_REFUSALS = [
     ((EYE, ONE, np.ones((1, 3)), ONE[:1]), {}, V,
      r"G must have 2 columns to match q of shape \(2,\), got \(1, 3\)"),
     ((EYE, ONE, ROW), {}, V, "G was given without h: pass both or neither"),
+    ((sparse.csc_array(EYE), ONE, sparse.csr_array(ROW)), {}, V, "G was given without h"),
     ((EYE, ONE, None, None, None, ONE[:1]), {}, V,
      "b was given without A: pass both or neither"),
     ((np.array([[1.0, 2.0], [0.5, 1.0]]), ONE), {}, V,
