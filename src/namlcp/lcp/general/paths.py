@@ -43,11 +43,11 @@ CORRECTORS, ASK, OFF, LONGER = 2, (1.3, 0.1), 10.0, 1.03
 # on, an error below SETTLED that does not halve in STALL steps; above, it may fall as
 # slowly on the way to a solution, in heaps of 10^4 bodies.
 JAM, JAMS, STALL, FIRST_STALL, SETTLED = 0.05, 3, 8, 15, 1e-9
-# A proof is sought once Res of the path is below CLEAR, and again whenever it has
-# fallen to the part CLEARER, at most down to ENOUGH. If then no v_i, relative to its
-# bound, exceeds FEASIBLE, the linear program counts as feasible. It is scaled by
-# EQUILIBRATIONS rounds of dividing rows and columns by roots of their absolute sums.
-CLEAR, CLEARER, ENOUGH, FEASIBLE, EQUILIBRATIONS = 1e-3, 0.01, 1e-10, 1e-6, 3
+# A proof is sought while Res of the path is between CLEAR and ENOUGH. If then no v_i,
+# relative to its bound, exceeds FEASIBLE, the linear program counts as feasible. It is
+# scaled by EQUILIBRATIONS rounds of dividing rows and columns by roots of their
+# absolute sums.
+CLEAR, ENOUGH, FEASIBLE, EQUILIBRATIONS = 1e-3, 1e-10, 1e-6, 3
 # Of `arc`: what is added to the unit diagonal; steps at most; more with friction cones,
 # where the curve leads to a solution, but may wind: 2100 steps with 2000 unknowns.
 ARC_SHIFT, ARC_STEPS, PROMISED_STEPS = 1e-12, 400, 5000
@@ -176,12 +176,10 @@ def farkas(lcp: LCP) -> Iterator[np.ndarray]:
     upper = np.append(lcp.upper, np.where(high[rows], 0.0, weights))
     model = Distances(matrix, q, lower, upper, 1.0 / d)
     system = Shifted(model.M, np.where(model.unfixed < n, 1.0, -1.0))
-    aim = CLEAR
     for p in mehrotra(model, system):
         v, F = np.zeros(n), model.F(p)
         error = model.residual(p, F)
-        if error <= aim:
-            aim = CLEARER * error
+        if error <= CLEAR:
             s = p - F
             high_p = np.where(s >= model.upper, model.upper, p)
             v[rows] = model.z(np.where(s <= model.lower, model.lower, high_p))[n:]
