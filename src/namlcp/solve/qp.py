@@ -114,8 +114,9 @@ def solve_qp(
         check_flag("derivative", derivative)
     arguments = P, q, G, h, A, b, lb, ub
     if options.is_plain and not history:
-        how = QPResult, options.settings, start, derivative
-        result = solve_small(*how, arguments, x0, warm_start)
+        result = solve_small(
+            QPResult, options.settings, start, derivative, arguments, x0, warm_start
+        )
         if result is not None:
             return result
     return solve_arguments(
@@ -215,17 +216,15 @@ def solve_batch(
     if threads is None:
         threads = available_cores()
     check_count("threads", threads)
-    names = dict(zip(QP._fields, (P, q, G, h, A, b, lb, ub), strict=True))
-    items = Items(names)
-    if isinstance(warm_start, BatchResult) and len(warm_start) != items.size:
+    items = Items(dict(zip(QP._fields, (P, q, G, h, A, b, lb, ub), strict=True)))
+    if warm_start is not None and not isinstance(warm_start, BatchResult):
+        check_warm_start(warm_start)
+        warm_start = [warm_start] * items.size
+    if warm_start is not None and len(warm_start) != items.size:
         raise ValueError(
             f"warm_start must have {items.size} items, got {len(warm_start)}"
         )
-    starts = warm_start
-    if warm_start is not None and not isinstance(warm_start, BatchResult):
-        check_warm_start(warm_start)
-        starts = [warm_start] * items.size
-    outcomes = solve_items(items, starts, options, threads)
+    outcomes = solve_items(items, warm_start, options, threads)
     return batch_result(outcomes, items, perf_counter() - start)
 
 

@@ -84,7 +84,7 @@ def solve_lemke(lcp: LCP, z0: None, limits: Limits, cover: Any = None) -> Outcom
             "A must be regular in the rows and columns of the unknowns without bounds "
             "for method 'lemke'"
         )
-    most = PIVOTS * n + MORE_PIVOTS if limits.max_iter is None else limits.max_iter
+    most = limits.max_iter or PIVOTS * n + MORE_PIVOTS
     return follow(search, search.plain, search.plain.cover(cover), (0, most))
 
 
@@ -93,8 +93,7 @@ def solve_by_lemke(search: Search) -> Outcome | None:
     plain, n, done = search.plain, search.lcp.q.size, 0
     if plain is None:
         return None
-    limit = search.limits.max_iter
-    most = math.inf if limit is None else limit
+    most = search.limits.max_iter or math.inf
     rng = np.random.default_rng(0)
     largest = np.abs(plain.M).max(axis=1, initial=0.0)
     rows = np.where(largest > 0.0, largest, 1.0)
@@ -194,7 +193,7 @@ def solve_game(search: Search) -> Outcome | None:
     cost, *players = game
     q = np.full(n, -1.0)
     start = tableau_of(cost, q)
-    limit = math.inf if limits.max_iter is None else limits.max_iter
+    limit = limits.max_iter or math.inf
     count, most = 0, FIRST_LIMIT
     while most <= LAST_LIMIT * n:
         for k in range(n):
