@@ -24,7 +24,7 @@ import numpy as np
 
 from namlcp.lcp.general.cones import System
 from namlcp.lcp.general.distances import Distances
-from namlcp.lcp.shifted import HELD, Shifted
+from namlcp.lcp.shifted import HELD
 
 # Wrong p or F, relative to the largest p and to max |c_i| = 1, that counts as 0.
 ROUNDING = 1e-13
@@ -67,15 +67,7 @@ def solve_on_face(
     model: Distances, system: System, free: np.ndarray, x: np.ndarray
 ) -> None:
     """Move the free entries of x until F = 0 there, as far as that is possible."""
-    rows = np.flatnonzero(free)
-    if rows.size == 0:
-        return
-    if isinstance(system, Shifted) and system.signs is not None:  # one order for all
-        rows, weight = np.arange(x.size), np.where(free, PROXIMAL, HELD)
-    else:
-        weight = np.full(rows.size, PROXIMAL)
-        system = Shifted(model.M if rows.size == x.size else model.M[:, rows][rows])
-    factors = system.factors(weight)
+    factors = system.factors(np.where(free, PROXIMAL, HELD))
     if factors is None:
         return
     least = np.inf
@@ -85,7 +77,7 @@ def solve_on_face(
         if not error < 0.5 * least:
             return
         least = error
-        x[rows] -= factors.solve(F[rows])
+        x -= np.where(free, factors.solve(F), 0.0)
 
 
 def proximal_steps(
