@@ -62,8 +62,6 @@ def plan_lu(indptr: np.ndarray, indices: np.ndarray) -> Fronts:
     No row is exchanged. `another` gives factors of further matrices of the pattern.
     """
     n, numbers = indptr.size - 1, np.arange(indices.size)
-    # sums of SciPy's matrices have indices of 64 bits
-    indptr, indices = (np.asarray(v, np.int32) for v in (indptr, indices))
     # by rows, the entries of a symmetric pattern are those across the diagonal
     across = csc_array((numbers, indices, indptr), shape=(n, n)).tocsr().data
     order = best_order(indptr, indices, NEVER)
@@ -110,9 +108,7 @@ def has_positive_pivots(triangle: csc_array, deadline: Deadline = NEVER) -> bool
         deadline.check(PASS * n * n)  # about as long as it takes, without the clock
         lower = as_dense(triangle).T  # in the order of columns, as LAPACK has it
         return bool(dpotrf(lower, lower=1, clean=0, overwrite_a=1)[1] == 0)
-    arrays = triangle.indptr, triangle.indices
-    indptr, indices = (np.asarray(v, np.int32) for v in arrays)
-    factors = plan_factors(indptr, indices, deadline)
+    factors = plan_factors(triangle.indptr, triangle.indices, deadline)
     try:
         factors.refactor(triangle.data, deadline)
     except ValueError:  # a pivot is 0

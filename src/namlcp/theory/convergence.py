@@ -72,7 +72,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy import linalg, sparse
 
-from namlcp.checks import finite_square_matrix
+from namlcp.checks import finite_square_matrix, sparse_matrix
 from namlcp.lcp.methods import find_method
 from namlcp.lcp.modulus.methods import SWEEPS, Parameters, checked_parameters
 from namlcp.linalg.factors import asymmetry, has_positive_pivots
@@ -298,7 +298,7 @@ def positive_definite(A: Any) -> str:
         return ""
     root, c = sparse.diags_array(1.0 / np.sqrt(D)), 4.0 * (n + 8) * n * ROUNDOFF
     upper = sparse.triu(root @ A @ root) - c * sparse.eye_array(n)
-    if not has_positive_pivots(sparse.csc_array(upper)):
+    if not has_positive_pivots(sparse_matrix("A", upper, "csc")):
         return ""
     return f"LDL' factorisation of D^(-1/2) A D^(-1/2) - {c:.1e} I"
 

@@ -31,6 +31,7 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
+from namlcp.checks import sparse_matrix
 from namlcp.lcp.shifted import Shifted
 from namlcp.linalg.factors import plan_lu
 
@@ -226,8 +227,8 @@ class Condensed:
         rows = np.concatenate((N.row, pattern.row, row, column, np.arange(size)))
         columns = np.concatenate((N.col, pattern.col, column, row, np.arange(size)))
         data = np.append(N.data, np.zeros(rows.size - N.nnz))
-        self.N = sparse.csc_array((data, (rows, columns)), shape=N.shape)
-        self.N.sort_indices()
+        N = sparse.csc_array((data, (rows, columns)), shape=N.shape)
+        self.N = sparse_matrix("M", N, "csc")
         self.columns = np.repeat(np.arange(size), np.diff(self.N.indptr))
         self.stored = self.columns * size + self.N.indices
         self.diagonal = self.at(np.arange(size), np.arange(size))
