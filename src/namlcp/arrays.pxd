@@ -1,6 +1,9 @@
-from namlcp.linalg.vectors cimport hash_of
-
 from numpy cimport ndarray, npy_intp
+
+cdef extern from "vectors.h" nogil:
+    unsigned long long hash_of(
+        const double* values, Py_ssize_t n, unsigned long long total
+    ) noexcept
 
 cpdef enum Order:
     CORRUPT
@@ -25,7 +28,7 @@ cdef Py_ssize_t* indices(object array, Py_ssize_t size) except NULL
 cdef signed char* signs(object array, Py_ssize_t size) except NULL
 cpdef unsigned long long stamp_of(object parts, unsigned long long total=*)
 cdef void* _entries(object array, int kind, Py_ssize_t size) except NULL
-cpdef bint is_bad(const double[::1] values, bint infinite_allowed)
+cpdef bint is_bad(ndarray array, bint infinite_allowed) except -1
 cpdef tuple dense_asymmetry(const double[:, ::1] P)
 cpdef tuple sparse_asymmetry(const int[::1] indptr, const int[::1] indices, const double[::1] data)
 cpdef Order index_order(const int[::1] indptr, const int[::1] indices, Py_ssize_t major, Py_ssize_t minor)

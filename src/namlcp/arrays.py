@@ -128,10 +128,11 @@ def refuse_size(name, entries):
         )
 
 
-def is_bad(values, infinite_allowed):
-    """Tell whether a NaN (or an infinite value unless allowed) is among the values."""
-    bad: Py_ssize_t = 0
-    for i in range(values.shape[0]):
+def is_bad(array, infinite_allowed):
+    """Tell whether a NaN (or an infinite value unless allowed) is among the numbers."""
+    size, bad = array.size, cython.cast(Py_ssize_t, 0)
+    values = numbers(array, size)
+    for i in range(size):
         v = fabs(values[i])
         bad += not (v <= INFINITY if infinite_allowed else v < INFINITY)
     return bad > 0

@@ -146,8 +146,7 @@ GIVEN = {
     ),
     "namlcp.linalg.vectors": SimpleNamespace(
         dot=dot, four_dots=four_dots, add_scaled=add_scaled, add_four=add_four,
-        copy=copy, fill=fill, hash_of=None,
-        largest_entry=largest_entry, times_line=times_line,
+        copy=copy, fill=fill, largest_entry=largest_entry, times_line=times_line,
         add_line=add_line,
     ),
     "namlcp.box": SimpleNamespace(clip=None, deviation=None),

@@ -17,9 +17,6 @@ cdef extern from "vectors.h" nogil:
         double fc, const double* c, double fd, const double* d,
         double* out, Py_ssize_t n
     ) noexcept
-    unsigned long long hash_of(
-        const double* values, Py_ssize_t n, unsigned long long total
-    ) noexcept
 
 
 cdef inline void copy(const double* a, double* out, Py_ssize_t n) noexcept nogil:

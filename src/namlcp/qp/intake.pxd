@@ -1,5 +1,5 @@
 from namlcp.arrays cimport CANONICAL, are_long, are_places, data_of, dense_asymmetry, fits
-from namlcp.arrays cimport index_order, narrowed, sparse_asymmetry
+from namlcp.arrays cimport index_order, is_bad, narrowed, sparse_asymmetry
 
 cdef double INFINITE
 
@@ -8,5 +8,4 @@ cpdef object whole(object P, object q, object G, object h, object A, object b, o
 cdef object shortened(object M)
 cdef bint is_clean(object P, object q, object G, object h, object A, object b, object lb, object ub) except -1
 cdef Py_ssize_t rows_of(object M, Py_ssize_t n, bint is_dense) except -2
-cdef bint is_finite(object array)
 cdef bint is_side(object array, double sign, Py_ssize_t size)

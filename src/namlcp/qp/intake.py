@@ -80,8 +80,8 @@ def is_clean(P, q, G, h, A, b, lb, ub):
         rows_of(P, n, is_dense) != n
         or not (h is None or (fits(h, 1) and rows_of(G, n, is_dense) == h.size))
         or not (b is None or (fits(b, 1) and rows_of(A, n, is_dense) == b.size))
-        or not is_finite(q)
-        or not (b is None or is_finite(b))
+        or is_bad(q, False)
+        or (b is not None and is_bad(b, False))
         or not (h is None or is_side(h, 1.0, h.size))
         or not (lb is None or is_side(lb, -1.0, n))
         or not (ub is None or is_side(ub, 1.0, n))
@@ -99,7 +99,7 @@ def rows_of(M, n, is_dense):
     if is_dense:
         if not (fits(M, 2) and cnp.PyArray_DIM(M, 1) == n):
             return -1
-        return cnp.PyArray_DIM(M, 0) if is_finite(M) else -1
+        return -1 if is_bad(M, False) else cnp.PyArray_DIM(M, 0)
     if type(M) is not csc_array and type(M) is not csc_matrix:
         return -1
     data, indices, indptr = M.data, M.indices, M.indptr
@@ -114,16 +114,9 @@ def rows_of(M, n, is_dense):
         and cnp.PyArray_DIM(indptr, 0) == n + 1
         and indptr[n] == size
         and index_order(indptr, indices, n, rows) == CANONICAL
-        and is_finite(data)
+        and not is_bad(data, False)
     )
     return rows if is_whole else -1
-
-
-def is_finite(array):
-    values, bad = data_of(array), cython.cast(Py_ssize_t, 0)
-    for i in range(cnp.PyArray_SIZE(array)):
-        bad += not fabs(values[i]) < INFINITY
-    return bad == 0
 
 
 def is_side(array, sign, size):

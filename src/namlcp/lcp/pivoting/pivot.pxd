@@ -1,9 +1,9 @@
-from namlcp.arrays cimport data_of, fits, new_vector
+from namlcp.arrays cimport data_of, fits, hash_of, new_vector
 from namlcp.lcp.loops cimport MOST_SMALL, affine_at, are_ordinary
 from namlcp.lcp.pivoting.state cimport Pivoting, allocate, factor_free, is_definite
 from namlcp.lcp.pivoting.state cimport solve_free
 from namlcp.limits cimport look_at_clock, raise_kept
-from namlcp.linalg.vectors cimport add_scaled, copy, fill, hash_of, largest_entry
+from namlcp.linalg.vectors cimport add_scaled, copy, fill, largest_entry
 from namlcp.measure cimport are_met, both_residuals
 from namlcp.result_base cimport LCPResultBase, made
 

@@ -321,7 +321,7 @@ def suggest_signs(m, z, z_box):
 def suggest_point(m, x0):
     """Begin with the rows that hold with equality at x0; False if it is no point."""
     n, rows, signs = m.n, m.m, m.s
-    if not (is_vector(x0, n) and is_finite(x0)):
+    if not is_vector(x0, n) or is_bad(x0, False):
         return False
     x = data_of(x0)
     for i in range(rows):
@@ -349,8 +349,10 @@ def suggest_solution(m, point):
         return False
     if not (is_vector(z, m.m) and is_vector(z_box, m.n)):
         return False
-    if is_finite(x) and is_finite(y) and is_finite(z) and is_finite(z_box):
-        suggest_signs(m, data_of(z), data_of(z_box))
+    for part in (x, y, z, z_box):
+        if is_bad(part, False):
+            return True
+    suggest_signs(m, data_of(z), data_of(z_box))
     return True
 
 
