@@ -126,7 +126,7 @@ def test_iterations_are_those_of_the_formulas(seed):
         found.append(([v.copy() for v in m.point], m.rho, m.delta))
 
     limits = LIMITS._replace(max_iter=8, report=report)
-    m = Interior(problem, Chain(problem.small, problem), Blind(), limits)
+    m = Interior(problem, Chain(problem), Blind(), limits)
     run(m, NO_GUESS)
     assert len(found) == 9
     whole = Transcription(problem)

@@ -31,7 +31,7 @@ cdef class Condensed(Factors):
     cdef void solve_into(self, double* rhs, double* x) noexcept nogil
 
 cdef int upper_triangle(object P, object A, object G, object starts, object rows, object values) except -1
-cdef int share_multipliers(object problem, object Z, object z, object z_box) except -1
+cdef int hand_on(object problem, object y, object Z, object y_full, object z_full, object z_box) except -1
 cdef tuple find_finite(object small, object units)
 cpdef int equilibrate(object indptr, object indices, object data, object scale) except -1
 cdef void equilibrate_parts(

@@ -26,7 +26,9 @@ from cython.cimports.libc.math import INFINITY, exp, fabs, log, sqrt
 
 from namlcp.checks import constant, refuse_size
 from namlcp.limits import NEVER
+from namlcp.linalg.csc import add_transposed, times
 from namlcp.linalg.factors import plan_factors
+from namlcp.qp.problem import Point
 
 # Rows are condensed where they are as many as variables, and have this part of entries
 # that are not zero.
@@ -188,9 +190,10 @@ def upper_triangle(P, A, G, starts, rows, values):
 class ScaledQP:
     """min 1/2 x'Px + q'x, Ax = b, sign * t[place] <= c.
 
-    The one-sided constraints are the `finite` ones of the upper and lower sides of all
+    The one-sided constraints are the finite ones of the upper and lower sides of all
     rows, then of the upper and lower bounds. `small` is the presolved problem; the
-    scaled P, A and G are kept in `kkt` alone.
+    scaled P, A and G are kept in `kkt` alone. `giver` are the numbers of the rows of
+    G, lower and upper bounds, one after another, that the constraints were before.
     """
 
     def __init__(self, small, last=None):
@@ -212,23 +215,35 @@ class ScaledQP:
         self.unit = self.scale.copy()
         self.unit[n:] = 1.0 / self.scale[n:]
         self.q, self.b = small.q * self.scale[:n], small.b * self.scale[n : n + p]
-        self.finite, self.place, self.sign, self.c = find_finite(small, self.unit)
+        self.giver, self.place, self.sign, self.c = find_finite(small, self.unit)
 
     def point(self, x, y, Z, data=1.0):
-        n, z = self.n, np.zeros(self.small.sides.shape)
-        z_box = np.zeros(n)
-        share_multipliers(self, Z, z, z_box)
-        return x * self.unit[:n], y / self.unit[n : n + self.p], z, z_box
+        """Return the point of the QP before presolve."""
+        small, qp = self.small, self.small.qp
+        full, y_full, z, z_box = qp.point()
+        hand_on(self, y, Z, y_full, z, z_box)
+        x = x * self.unit[: self.n]
+        if not small.fixed.size:
+            return Point(x, y_full, z, z_box)
+        full[small.kept], full[small.fixed] = x, data * small.x_fixed
+        gradient = times(qp.P, full) + data * qp.q
+        add_transposed(qp.A, y_full, gradient)
+        add_transposed(qp.G, z, gradient)
+        z_box[small.fixed] = -gradient[small.fixed]
+        return Point(full, y_full, z, z_box)
 
     def guess(self, guess):
         """Return the scaled (x, y, Z) of a guess and which constraints are active."""
-        x, y, z, z_box, active = guess
-        z = np.concatenate((z.ravel(), np.maximum(z_box, 0), np.maximum(-z_box, 0)))
+        small, n, rows, box = self.small, self.n, self.n + self.p, guess.z_box
+        y = (guess.y * small.A_groups.ratio)[small.b_of]
+        y[1, small.b_of[0] == small.b_of[1]] = 0.0
+        z = guess.z * np.abs(small.G_groups.ratio)
+        Z = np.concatenate((z, np.maximum(-box, 0), np.maximum(box, 0)))[self.giver]
         return (
-            x / self.unit[: self.n],
-            y * self.unit[self.n : self.n + self.p],
-            z[self.finite] * self.unit[self.place],
-            active[self.finite],
+            guess.x[small.kept] / self.unit[:n],
+            y.sum(0) * self.unit[n:rows],
+            Z * self.unit[self.place],
+            guess.active[self.giver],
         )
 
     def relax(self, t):
@@ -238,36 +253,51 @@ class ScaledQP:
         self.c = np.where(row, np.maximum(self.c, self.sign * t[self.place]), self.c)
 
 
-def share_multipliers(problem, Z, z, z_box):
-    """Set the multipliers of sides and bounds, zero before, from the finite ones."""
+def hand_on(problem, y, Z, y_full, z_full, z_box):
+    """Add scaled multipliers to those of the rows and bounds that give the constraints.
+
+    Both extreme rows of an equation have half of its multiplier.
+    """
+    small = problem.small
     m: Py_ssize_t = Z.size
-    n: Py_ssize_t = z_box.size
-    rows: Py_ssize_t = z.size
-    finite, place = longs(problem.finite, m), places(problem.place, m)
-    unit, values = numbers(problem.unit, problem.unit.size), numbers(Z, m)
-    sides, bounds = numbers(z, rows), numbers(z_box, n)
+    p: Py_ssize_t = y.size
+    n: Py_ssize_t = problem.n
+    rows: Py_ssize_t = z_full.size
+    columns: Py_ssize_t = z_box.size
+    unit, place = numbers(problem.unit, problem.unit.size), places(problem.place, m)
+    giver, row = longs(problem.giver, m), longs(small.b_of, 2 * p)
+    of_A = numbers(small.A_groups.ratio, y_full.size)
+    of_G = numbers(small.G_groups.ratio, rows)
+    equal, values = numbers(y, p), numbers(Z, m)
+    to_y, to_z = numbers(y_full, y_full.size), numbers(z_full, rows)
+    bounds = numbers(z_box, columns)
+    for k in range(2 * p):
+        i = k if k < p else k - p
+        to_y[row[k]] += 0.5 * (equal[i] / unit[n + i]) / of_A[row[k]]
     for k in range(m):
-        value = values[k] / unit[place[k]]
-        i = finite[k] - rows
-        if i < 0:
-            sides[i + rows] = value
-        elif i < n:
-            bounds[i] += value
+        value, i = values[k] / unit[place[k]], giver[k]
+        if i < rows:
+            to_z[i] = value / fabs(of_G[i])
+        elif i < rows + columns:
+            bounds[i - rows] -= value
         else:
-            bounds[i - n] -= value
+            bounds[i - rows - columns] += value
     return 0
 
 
 def find_finite(small, units):
-    """Return the numbers of the finite sides, their places, signs and scaled values."""
+    """Return the givers of the finite sides, their places, signs and scaled values."""
     n: Py_ssize_t = small.q.size
     p: Py_ssize_t = small.b.size
     rows: Py_ssize_t = small.sides.size // 2
+    lower: Py_ssize_t = small.qp.h.size
+    upper: Py_ssize_t = lower + small.qp.q.size
     size = 2 * (rows + n)
     sides, unit = numbers(small.sides, 2 * rows), numbers(units, n + p + rows)
+    row, column = longs(small.side_of, 2 * rows), longs(small.kept, n)
     ub, lb = numbers(small.ub, n), numbers(small.lb, n)
-    finite, where = np.empty(size, np.intp), np.empty(size, np.int32)
-    number, place, parts = longs(finite, size), places(where, size), np.empty((2, size))
+    givers, where = np.empty(size, np.intp), np.empty(size, np.int32)
+    giver, place, parts = longs(givers, size), places(where, size), np.empty((2, size))
     sign = numbers(parts, 2 * size)
     c = sign + size
     count: Py_ssize_t = 0
@@ -275,16 +305,18 @@ def find_finite(small, units):
         j = i - 2 * rows
         is_upper: cython.bint = i < rows or 0 <= j < n
         if j < 0:
-            side, j = sides[i], n + p + (i if is_upper else i - rows)
+            side, by = sides[i], row[i]
+            j = n + p + (i if is_upper else i - rows)
         elif is_upper:
-            side = ub[j]
+            side, by = ub[j], upper + column[j]
         else:
-            side, j = -lb[j - n], j - n
+            j -= n
+            side, by = -lb[j], lower + column[j]
         if fabs(side) < INFINITY:
-            number[count], place[count] = i, j
+            giver[count], place[count] = by, j
             sign[count], c[count] = 1.0 if is_upper else -1.0, side / unit[j]
             count += 1
-    return finite[:count], where[:count], parts[0, :count], parts[1, :count]
+    return givers[:count], where[:count], parts[0, :count], parts[1, :count]
 
 
 def equilibrate(indptr, indices, data, scale):

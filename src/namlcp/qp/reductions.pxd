@@ -14,7 +14,6 @@ cdef enum:
 cdef double FIXED, SAME, GOLDEN, PIVOT
 
 cdef int find_fixed(object lb, object ub, object stays) except -1
-cdef int hand_on(object z, object rows, object ratio, bint equal, object full) except -1
 cdef int group_rows(Py_ssize_t m, int* indptr, int* indices, double* data, int* number, double* ratio) except -1
 cdef double multiple(const int* indices, const double* data, Py_ssize_t a, Py_ssize_t a_end, Py_ssize_t c, Py_ssize_t c_end) noexcept
 cdef Py_ssize_t merge_rows(Py_ssize_t rows, const int* number, const double* ratio, const double* sides, bint equal, double tol, object ends, object givers) except -2

@@ -87,33 +87,6 @@ class Presolved(NamedTuple):
     A_groups: Groups
     G_groups: Groups
 
-    def guess(self, guess):
-        """Return (x, y, z, z_box, active): z of `sides`, active of these and bounds."""
-        y = (guess.y * self.A_groups.ratio)[self.b_of]
-        y[1, self.b_of[0] == self.b_of[1]] = 0.0
-        # with an entry for -1, no row
-        z = np.append(guess.z * np.abs(self.G_groups.ratio), 0.0)[self.side_of]
-        m, n = guess.z.size, guess.x.size
-        row, lb, ub = np.split(guess.active != 0, (m, m + n))
-        sides = np.append(row, False)[self.side_of].ravel()
-        active = np.concatenate((sides, ub[self.kept], lb[self.kept]))
-        return guess.x[self.kept], y.sum(0), z, guess.z_box[self.kept], active
-
-    def point(self, x, y, z, z_box, data=1.0):
-        """Return the point of `qp`; the two extreme rows of an equation share its y."""
-        qp, (full, y_full, z_full, _) = self.qp, self.qp.point()
-        hand_on(y, self.b_of, self.A_groups.ratio, True, y_full)
-        hand_on(z, self.side_of, self.G_groups.ratio, False, z_full)
-        if not self.fixed.size:
-            return Point(x, y_full, z_full, z_box)
-        full[self.kept], full[self.fixed] = x, data * self.x_fixed
-        box = times(qp.P, full) + data * qp.q
-        add_transposed(qp.A, y_full, box)
-        add_transposed(qp.G, z_full, box)
-        box *= -1.0
-        box[self.kept] = z_box
-        return Point(full, y_full, z_full, box)
-
 
 def presolve(qp, eps_abs, eps_rel, last=None):
     """Return the smaller problem of a QP in CSC; reuse matrices of `last` if equal."""
@@ -158,23 +131,6 @@ def find_fixed(lb, ub, stays):
     for j in range(n):
         if fabs(lower[j]) < INFINITY and fabs(upper[j]) < INFINITY:
             mark[j] = not upper[j] - lower[j] <= FIXED * max(1.0, fabs(lower[j]))
-    return 0
-
-
-def hand_on(z, rows, ratio, equal, full):
-    """Add the multipliers of ranges or equations to the rows that give these.
-
-    z: those of both sides, or one for each equation, of which both rows have half.
-    """
-    count: Py_ssize_t = rows.shape[1]
-    values, own = numbers(z, z.size), longs(rows, 2 * count)
-    to, ratios = numbers(full, full.size), numbers(ratio, ratio.size)
-    for k in range(2 * count):
-        i = own[k]
-        if equal:
-            to[i] += 0.5 * values[k if k < count else k - count] / ratios[i]
-        elif i >= 0:
-            to[i] = values[k] / fabs(ratios[i])
     return 0
 
 

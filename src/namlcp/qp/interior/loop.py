@@ -76,32 +76,18 @@ def solve_interior(qp, chain, guess, judge, memory):
     deadline.check(PASS * entries)
     small = presolve(qp, *limits.tolerances, memory.presolved)
     memory.presolved = small
-    if small.contradictions or not small.q.size:
-        answer = answer_of_presolve(small, chain, judge)
-        if answer is not None:
-            return answer
+    for message, y, z in small.contradictions:
+        none = np.zeros(qp.q.size)
+        x, proof = judge.qp.clip(0.0), chain.point(none, y, z, none, data=0.0)
+        if judge.accept_multipliers(x, proof.y, proof.z):
+            return judge.answer(Status.PRIMAL_INFEASIBLE, 0, FORM, message)
     deadline.check(2.0 * PASS * entries)
     problem = memory.scaled = ScaledQP(small, memory.scaled)
     deadline.check()
-    m = Interior(problem, chain.then(small, problem), judge, limits)
+    m = Interior(problem, chain.then(problem), judge, limits)
     if guess.x.size and try_guess(m, guess):
         return judge.answer(Status.SOLVED, 0, FORM)
     return judge.answer(run(m, guess), m.iterations, FORM)
-
-
-def answer_of_presolve(small, chain, judge):
-    """Return the answer where constraints contradict each other or no x is left."""
-    sizes = small.q.size, small.b.size, small.sides.shape, small.q.size
-    near = chain.then(small).point(*map(np.zeros, sizes))
-    for message, y, z in small.contradictions:
-        none = np.zeros(small.qp.q.size)
-        proof = chain.point(none, y, z, none, data=0.0)
-        if judge.accept_multipliers(near.x, proof.y, proof.z):
-            return judge.answer(Status.PRIMAL_INFEASIBLE, 0, FORM, message)
-    if small.q.size:
-        return None
-    judge.offer(near)
-    return judge.answer(Status.STALLED, 0, FORM)
 
 
 def run(m: Interior, guess):
@@ -114,8 +100,7 @@ def run(m: Interior, guess):
 
 def try_guess(m: Interior, guess):
     """Try the active set of a guess; tell whether it solves the QP."""
-    scaled = m.problem.guess(m.problem.small.guess(guess))
-    as_array(m.start, m.length)[:] = np.concatenate(scaled)
+    as_array(m.start, m.length)[:] = np.concatenate(m.problem.guess(guess))
     refine(m)
     raise_kept(m)
     return m.judge.is_solved
@@ -269,7 +254,7 @@ def start_warm(m, guess):
     if not (guess.z.any() or guess.z_box.any()):
         return False
     x, y, W, Z = m.point
-    x[:], y[:], Z[:], _ = m.problem.guess(m.problem.small.guess(guess))
+    x[:], y[:], Z[:], _ = m.problem.guess(guess)
     fill(m.W, 0.0, m.m)
     evaluate(m)
     m.best = INFINITY
