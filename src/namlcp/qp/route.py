@@ -75,7 +75,7 @@ class Memory:
 
     def __init__(self, convex=None):
         self.convex = convex
-        self.substitution = self.presolved = self.scaled = self.box = None
+        self.substitution = self.scaled = self.box = None
 
     def ensure_convex(self, P, deadline=NEVER):
         """Raise NotConvex unless P is positive semidefinite; test the same P once."""

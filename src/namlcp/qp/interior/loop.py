@@ -74,15 +74,15 @@ def solve_interior(qp, chain, guess, judge, memory):
     if judge.is_solved:  # by an engine that could not tell whether P is convex
         return judge.answer(Status.SOLVED, 0, FORM)
     deadline.check(PASS * entries)
-    small = presolve(qp, *limits.tolerances, memory.presolved)
-    memory.presolved = small
+    last = memory.scaled
+    small = presolve(qp, *limits.tolerances, last and last.small)
     for message, y, z in small.contradictions:
         none = np.zeros(qp.q.size)
         x, proof = judge.qp.clip(0.0), chain.point(none, y, z, none, data=0.0)
         if judge.accept_multipliers(x, proof.y, proof.z):
             return judge.answer(Status.PRIMAL_INFEASIBLE, 0, FORM, message)
     deadline.check(2.0 * PASS * entries)
-    problem = memory.scaled = ScaledQP(small, memory.scaled)
+    problem = memory.scaled = ScaledQP(small, last)
     deadline.check()
     m = Interior(problem, chain.then(problem), judge, limits)
     if guess.x.size and try_guess(m, guess):
