@@ -113,9 +113,6 @@ class Blind:
     def offer(self, point):
         return np.inf
 
-    def misses_gap(self):
-        return False
-
 
 @pytest.mark.parametrize("seed", range(6))
 def test_iterations_are_those_of_the_formulas(seed):

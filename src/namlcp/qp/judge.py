@@ -64,7 +64,7 @@ class Judge:
     `given`: P, G and A as the user stores them, each None where absent; None where
     these are the matrices of the QP. `doubt`: asked once, with the judge, whether the
     QP is infeasible. `proof`: a certificate that was accepted: status, point,
-    residuals. `offered`: the residuals of the last point.
+    residuals.
     """
 
     def __init__(self, qp, limits, given=None, doubt=None):
@@ -73,7 +73,7 @@ class Judge:
         self.given = None if given is None or are_own(given, qp) else given
         self.is_columns = type(qp.P) is not np.ndarray
         self.best = INFINITY
-        self.point = self.residuals = self.proof = self.offered = None
+        self.point = self.residuals = self.proof = None
         self.message = ""
 
     @property
@@ -89,7 +89,7 @@ class Judge:
         for moves in (True, False):
             x, z_box = on_bounds(point.x, point.z_box, self.qp.lb, self.qp.ub, moves)
             trial = Point(x, point.y, z, z_box)
-            self.offered = residuals = self.measure(trial)
+            residuals = self.measure(trial)
             ratio = self.ratio(residuals)
             least = min(least, ratio)
             if least <= 1.0:
@@ -102,9 +102,6 @@ class Judge:
                 if least <= 1.0:
                     break
         return least
-
-    def misses_gap(self):
-        return self.ratio(self.offered._replace(gap=0.0)) <= 1.0
 
     def measure(self, point):
         """Return the residuals of a point; keep the best one."""

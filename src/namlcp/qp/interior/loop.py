@@ -27,9 +27,9 @@ from namlcp.status import Status
 # to the gap, then. TOLERABLE: primal residual over its tolerance up to which a restart
 # relaxes right-hand sides, twice at most.
 LIFT, TOLERABLE = 0.01, 0.5
-# Where an iterate meets the tolerances and the judge refuses only its gap, as terms of
-# that cancel in the user's sum, the least target of W'Z falls to the part CLOSER, and
-# at most to LEAST; the loop ends after MOST_REFUSED of them.
+# Where an iterate meets the tolerances and the judge refuses it, as terms of the gap
+# cancel in the user's sum, the least target of W'Z falls to the part CLOSER, and at
+# most to LEAST; the loop ends after MOST_REFUSED of them.
 CLOSER, LEAST = 0.1, 1e-8
 # Slacks and multipliers of a warm start are at least INSIDE times the largest one, or
 # times LEAST_SLACK and LEAST_MULTIPLIER if these are larger.
@@ -163,7 +163,7 @@ def answer(m, wants):
         solved, measured = offer(m, m.x) <= 1.0, True
         if solved and m.tol > EXACT:
             return Status.SOLVED
-        if m.worst <= 1.0 and not solved and m.judge.misses_gap():
+        if m.worst <= 1.0 and not solved:
             m.least_target = max(CLOSER * m.least_target, LEAST)
             m.refused += 1
     if solved or wants & ACTIVE_SET:

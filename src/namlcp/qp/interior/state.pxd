@@ -71,7 +71,7 @@ cdef class Interior(Watched):
         double worst, best, last_refined, reference
         Py_ssize_t since_halved, patience
         # W'Z after the longest steps; the target of W Z; its least values over the gap,
-        # and over the tolerance of that; iterates of which the judge refused the gap.
+        # and over the tolerance of that; iterates that the judge refused.
         double product, target, lift, least_target
         Py_ssize_t refused
         # Largest change of x, and of y and Z, by the last step; whether that had full
