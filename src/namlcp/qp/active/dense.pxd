@@ -5,7 +5,7 @@ from namlcp.linalg.dense cimport times_rows, times_triangle, times_triangle_tran
 from namlcp.linalg.dense cimport triangle_solve, triangle_solve_transposed
 from namlcp.linalg.vectors cimport add_scaled, copy, dot, fill, largest_entry
 from namlcp.qp.active.engine cimport ActiveSet, Code, CONTRADICTION, DONE, STUCK, UNBOUNDED
-from namlcp.qp.active.engine cimport UNPROVED, UNSUITED, DEPENDENT, MOST_SORTED
+from namlcp.qp.active.engine cimport UNPROVED, DEPENDENT, MOST_SORTED
 from namlcp.qp.active.engine cimport claim_place, forget_responses, forget_rows, goal_of
 from namlcp.qp.active.engine cimport indices, insert_place, lay_out_rows, reals, remove_place
 from namlcp.qp.active.engine cimport set_base_values
@@ -44,7 +44,6 @@ cdef enum:
     MOST_EQUATIONS = 2
     MOST_ROWS = 2
     MANY = 8
-    LEAST_FREE = 32
 
 cdef bint is_sound(DenseActiveSet m) noexcept nogil
 cdef bint has_factor(DenseActiveSet m, double slack) noexcept nogil

@@ -55,7 +55,7 @@ CONTRADICTED = 1e-9
 LESS_RHO, MORE_RHO = 1e-2 * RHO, 1e2 * RHO
 # MOST_EQUATIONS: most equations for a variable, and for two more. MOST_ROWS: most rows
 # for a variable for which responses are made before they are asked for, if more than
-# one of MANY is violated. LEAST_FREE: least variables for which a face gains anything.
+# one of MANY is violated.
 
 
 class DenseActiveSet(ActiveSet):
@@ -69,7 +69,7 @@ class DenseActiveSet(ActiveSet):
         self.schur, self.schur_work = reals(self, p * p), reals(self, p)
         self.half, self.no_bound = reals(self, n), reals(self, 2 * n)
         self.most_free, self.is_free, self.face_is_kept = 0, False, False
-        if self.is_single or not LEAST_FREE <= n <= self.most + p:
+        if self.is_single or n > self.most + p:
             return
         self.most_free = count = min(2 * n // 3, self.most)
         triangle = count * (count + 1) // 2
@@ -418,7 +418,7 @@ def prepare(m):
 
 def solve_dense(m):
     if not is_fit(m):
-        return UNSUITED
+        return STUCK
     if m.skipped > 0 and contradicts_equations(m):
         return proved(m, CONTRADICTION)
     found = solve_at_hand(m)

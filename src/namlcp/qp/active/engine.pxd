@@ -4,7 +4,7 @@ from namlcp.linalg.dense cimport triangle_solve, triangle_solve_transposed
 from namlcp.linalg.vectors cimport add_four, add_scaled, copy, dot, fill
 from namlcp.measure cimport Numbers
 
-cdef double DEPENDENT, DEPENDENT_HINT, VIOLATION_ROUNDING, NOISE, MOST_ROUNDING
+cdef double DEPENDENT, VIOLATION_ROUNDING, NOISE, MOST_ROUNDING
 cdef double ROUND_ROUNDING, MOST_ROUND_ROUNDING, BASE_ROUNDING
 cdef enum:
     MOST_NUMBERS = 8_000_000
@@ -12,16 +12,14 @@ cdef enum:
 
 
 cpdef enum Code:
-    # How a part of a solve ended. STUCK: another form or method has to solve the QP;
-    # UNSUITED: so, by its numbers. SUMMED: as DONE, but the terms are so large that the
-    # order of their sums matters. CONTRADICTION, UNBOUNDED: there is a candidate for a
-    # certificate; of a dense QP at last the certificate itself, else UNPROVED. MOVED: it
-    # has not ended.
+    # How a part of a solve ended. STUCK: another form or method has to solve the QP.
+    # SUMMED: as DONE, but the terms are so large that the order of their sums matters.
+    # CONTRADICTION, UNBOUNDED: there is a candidate for a certificate; of a dense QP at
+    # last the certificate itself, else UNPROVED. MOVED: it has not ended.
     DONE
     CONTRADICTION
     LATE
     STUCK
-    UNSUITED
     SUMMED
     UNBOUNDED
     UNPROVED
@@ -104,7 +102,7 @@ cdef void forget_responses(ActiveSet m) noexcept nogil
 cdef void forget_rows(ActiveSet m) noexcept nogil
 cdef void subtract_responses(ActiveSet m, const double* factor, Py_ssize_t k, double* s) noexcept nogil
 cdef double rest_of(ActiveSet m, Py_ssize_t row) noexcept nogil
-cdef bint is_independent(ActiveSet m, Py_ssize_t row, double rest, double limit) noexcept nogil
+cdef bint is_independent(ActiveSet m, Py_ssize_t row, double rest) noexcept nogil
 cdef void insert_place(ActiveSet m, Py_ssize_t at, Py_ssize_t row, Py_ssize_t side, double multiplier) noexcept nogil
 cdef void remove_place(ActiveSet m, Py_ssize_t i) noexcept nogil
 cdef void set_base_values(ActiveSet m) noexcept nogil

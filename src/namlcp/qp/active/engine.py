@@ -28,9 +28,8 @@ from cython.cimports.libc.math import INFINITY, fabs, isinf, sqrt
 from cython.cimports.libc.stdlib import free, malloc
 
 # A row depends on the active ones if the squared length of its part orthogonal to them,
-# in the metric of the responses, over its own is at most DEPENDENT; for rows of a hint,
-# which need not be right, DEPENDENT_HINT.
-DEPENDENT, DEPENDENT_HINT = 1e-11, 1e-6
+# in the metric of the responses, over its own is at most DEPENDENT.
+DEPENDENT = 1e-11
 # Violations over the moduli of their terms up to which they count as rounding at first.
 # This `level` grows tenfold where a violation below NOISE * level contradicts the
 # active rows; above MOST_ROUNDING the method gives up. The larger numbers are for a P
@@ -60,7 +59,7 @@ class ActiveSet(Watched):
 
     def decide(self):
         """Solve the QP at the pointers; return how that ended."""
-        return UNSUITED
+        return STUCK
 
     def set_up(self):
         """Make the factors for `rounds.wanted_rho`; False if they are not good."""
@@ -96,7 +95,7 @@ class ActiveSet(Watched):
             side, self.side[row] = self.side[row], 0
             if self.k < self.most and not isinf(goal_of(self, row, side)):
                 rest = rest_of(self, row)
-                if is_independent(self, row, rest, DEPENDENT_HINT):
+                if is_independent(self, row, rest):
                     self.append(row, side, 0.0, rest)
         return True
 
@@ -107,7 +106,7 @@ class ActiveSet(Watched):
         0.0, with no change of (G x, x), if it depends on them.
         """
         k, rest = self.k, rest_of(self, row)
-        is_new: cython.bint = is_independent(self, row, rest, DEPENDENT)
+        is_new: cython.bint = is_independent(self, row, rest)
         copy(self.coefficient, self.ratio, k)
         triangle_solve_transposed(self.triangle, k, self.ratio)
         copy(response_of(self, row), self.direction, self.length)
@@ -298,12 +297,12 @@ def rest_of(m, row):
     return w[row] - dot(coefficient, coefficient, m.k)
 
 
-def is_independent(m, row, rest, limit):
+def is_independent(m, row, rest):
     """Tell whether a row with this `rest_of` can join equations and active rows."""
     scale, whole = m.scale[row], response_of(m, row)[row]
     if m.k == m.most or m.k >= m.n - m.p + m.skipped:
         return False
-    return rest > limit * whole and rest * scale * scale > m.least_curvature
+    return rest > DEPENDENT * whole and rest * scale * scale > m.least_curvature
 
 
 def insert_place(m, at, row, side, multiplier):

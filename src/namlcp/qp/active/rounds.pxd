@@ -7,7 +7,7 @@ from namlcp.qp.active.engine cimport SUMMED, UNBOUNDED, ROUND_ROUNDING, VIOLATIO
 from namlcp.qp.active.engine cimport drop_wrong_signs, goal_of, is_pinned, pivot
 from namlcp.qp.active.engine cimport set_base_values, size_of, subtract_responses
 
-cdef double RHO, NO_WEIGHT, LEAST_SHAPE
+cdef double RHO, NO_WEIGHT
 cdef double EXACT, GOOD, FLAT, NEARLY_EXACT, CANCELLED, TINY, OPEN
 cdef double RAY_GAIN, MOST_CURVED, LEAST_GROWTH
 cdef double ACCURATE, ROUNDING, GAIN, LEAST_DIVISOR, INFINITE

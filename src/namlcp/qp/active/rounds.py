@@ -52,8 +52,6 @@ ACCURATE, ROUNDING, GAIN = 1e-12, 4e-15, 0.5
 LEAST_DIVISOR, INFINITE = checks.LEAST_DIVISOR, checks.INFINITE
 # rho over that power of 16, if no other is asked for; m.wanted without any weight.
 RHO, NO_WEIGHT = 1e-4, -1.0
-# Diagonal entry of P, over the largest one, up to which it counts as 0.
-LEAST_SHAPE = 1e-36
 # PASSES on a face end at the relative residual EXACT, or at GOOD where one gains less
 # than a factor of 2.
 EXACT, GOOD = 1e-15, 1e-10
@@ -118,7 +116,7 @@ def solve_by_rounds(m):
     """Solve a QP with W; with UNBOUNDED z_box is a ray.
 
     First on the active rows of the last QP, or a hint, which the proximal term would
-    leave for others: in sequences that takes half of the time.
+    leave for others: a start at a degenerate solution takes fewer pivots like that.
     """
     found = STUCK
     m.level = ROUND_ROUNDING
@@ -444,12 +442,12 @@ def set_shape(m):
     """Make m.shape, the diagonal of P in it, that of D; set the norms of x."""
     total, count = 0.0, 0
     for j in range(m.n):
-        if m.shape[j] > LEAST_SHAPE * m.largest:
+        if m.shape[j] > 0.0:
             total += log(m.shape[j])
             count += 1
     mean = exp(total / max(count, 1))
     for j in range(m.n):
-        if not m.shape[j] > LEAST_SHAPE * m.largest:
+        if not m.shape[j] > 0.0:
             m.shape[j] = mean
         m.scale[m.m + j] = sqrt(m.shape[j])
 

@@ -2,7 +2,7 @@ from namlcp.arrays cimport data_of, numbers, places
 from namlcp.linalg.csc cimport Columns, columns_times_transposed, take_columns
 from namlcp.linalg.sparse_ldl cimport SparseFactors
 from namlcp.linalg.vectors cimport add_line, add_scaled, copy, fill, largest_entry
-from namlcp.qp.active.engine cimport ActiveSet, UNSUITED, claim_place, forget_responses
+from namlcp.qp.active.engine cimport ActiveSet, STUCK, claim_place, forget_responses
 from namlcp.qp.active.engine cimport lay_out_rows, make_room, reals
 from namlcp.qp.active.rounds cimport is_fit, set_shape, solve_at_hand, wanted_rho
 
@@ -26,12 +26,12 @@ cdef class SparseActiveSet(ActiveSet):
     cdef bint factor_and_try(self) except -1
 
 
-cdef double SHIFT, LEAST_PIVOT, REACHED, FIXED, MOST_OPERATIONS, ACCURATE, GAIN
+cdef double SHIFT, REACHED, FIXED, MOST_OPERATIONS, ACCURATE, GAIN
 cdef enum:
     MOST_PASSES = 4
 
 cdef void solve_base(SparseActiveSet m, const double* rhs, double* values, Py_ssize_t passes) noexcept nogil
 cdef void subtract_product(SparseActiveSet m, const double* u, double* r) noexcept nogil
 cdef void times_both(const Columns* M, Py_ssize_t count, Py_ssize_t n, const double* x, double* Mx, const double* y, double* Mty) noexcept nogil
-cdef double least_pivot(SparseActiveSet m) noexcept nogil
+cdef bint is_quasi_definite(SparseActiveSet m) noexcept nogil
 cdef void set_norms(SparseActiveSet m, const Columns* M, Py_ssize_t count, double* norm) noexcept nogil

@@ -24,8 +24,6 @@ from namlcp.qp.kkt import KKT, equilibrate
 
 # Entries of R and D for rows equilibrated to a largest entry of 1.
 SHIFT = 1e-9
-# Pivot of a variable, over its diagonal entry, from which on R = 0.
-LEAST_PIVOT = 1e-7
 # Residual of a solve with K, over the right-hand side, at which it is not refined
 # further; the gain that a pass must have; the residual that has to be reached.
 ACCURATE, GAIN, REACHED = 1e-11, 0.5, 1e-9
@@ -68,7 +66,7 @@ class SparseActiveSet:
         times_both(A, self.p, n, x, self.Ax, self.y, self.Aty)
 
     def decide(self):
-        return solve_at_hand(self) if is_fit(self) else UNSUITED
+        return solve_at_hand(self) if is_fit(self) else STUCK
 
     def set_up(self):
         """Factor P + W; apart from `decide`, as what has such a block takes the GIL."""
@@ -135,15 +133,11 @@ class SparseActiveSet:
         The entries of the right-hand side of a trial solve have size 1 in equilibrated
         units, and signs that have no pattern.
         """
-        for first in (self.n, 0):  # R = 0 at first
-            copy(self.base, self.data, self.indptr[self.size])
-            for j in range(first, self.size):
-                shift = SHIFT / (self.unit[j] * self.unit[j])
-                self.data[self.indptr[j + 1] - 1] += shift if j < self.n else -shift
-            least = LEAST_PIVOT if first > 0 else 0.0
-            if self.kkt.factor() and least_pivot(self) > least:
-                break
-        else:
+        copy(self.base, self.data, self.indptr[self.size])
+        for j in range(self.size):
+            shift = SHIFT / (self.unit[j] * self.unit[j])
+            self.data[self.indptr[j + 1] - 1] += shift if j < self.n else -shift
+        if not self.kkt.factor() or not is_quasi_definite(self):
             return False
         rhs, rest, unit, u = self.rhs, self.rest, self.unit, self.s + self.m
         for j in range(self.size):
@@ -205,19 +199,14 @@ def times_both(M, count, n, x, Mx, y, Mty):
 # ---- the factors
 
 
-def least_pivot(m):
-    """Return the least pivot of a variable over its diagonal entry of K~, at most 1.
-
-    -1 where K~ is not quasi-definite.
-    """
-    place, inverse, largest = m.factors.place, m.factors.inverse, 1.0
+def is_quasi_definite(m):
+    """Tell whether the pivots of x are positive, and those of y negative."""
+    place, inverse = m.factors.place, m.factors.inverse
     for j in range(m.size):
         pivot = inverse[place[j]]
         if (pivot <= 0.0) if j < m.n else (pivot >= 0.0):
-            return -1.0
-        if j < m.n:
-            largest = max(largest, pivot * m.data[m.indptr[j + 1] - 1])
-    return 1.0 / largest
+            return False
+    return True
 
 
 def set_norms(m, M, count, norm):
