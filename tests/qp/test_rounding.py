@@ -64,6 +64,18 @@ def test_no_multiplier_gets_a_sign_its_bounds_do_not_allow():
     np.testing.assert_array_equal(z_box[allowed], -qp.q[allowed])
 
 
+def test_free_variables_have_no_multiplier():
+    """A direction without curvature is tried as a ray first, and is none."""
+    P = np.diag([5e-9, 0.0, 4.7e8, 3.3e12, 0.0, 0.0])
+    P[2, 3] = P[3, 2] = 3.9e10
+    q = np.array([0.15, 0.006, -1e5, -1.5e7, 0.04, 5e8])
+    lb = np.array([-np.inf, -np.inf, 2e-4, -np.inf, -np.inf, -6e-8])
+    ub = np.array([np.inf, np.inf, 2e-4, -1e-8, np.inf, np.inf])
+    result = solve_qp(P, q, lb=lb, ub=ub)
+    assert result.status is Status.SOLVED
+    assert (result.z_box[[0, 1, 4]] == 0.0).all()
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_multipliers_without_enough_digits_are_made_up_for(seed):
     known = complementary(seed, 30, 40, 5, 30)

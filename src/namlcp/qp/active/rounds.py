@@ -178,6 +178,7 @@ def measure_point(m):
     """
     t: Terms
     primal = 0.0
+    fill(m.z_box, 0.0, m.n)  # a direction that is no ray may be there
     for i in range(m.k):
         row = m.active[i]
         if row < m.m:
