@@ -178,7 +178,6 @@ def measure_point(m):
     """
     t: Terms
     primal = 0.0
-    fill(m.z_box, 0.0, m.n)  # a direction that is no ray may be there
     for i in range(m.k):
         row = m.active[i]
         if row < m.m:
@@ -409,9 +408,11 @@ def is_ray(m):
         if not TINY < ratio < RAY_GAIN * last:
             break
         last = ratio
-    if not (dot(m.q, ray, n) < 0.0 and ratio <= MOST_CURVED):
-        return False
-    return longest_step(m, m.change) == INFINITY
+    if dot(m.q, ray, n) < 0.0 and ratio <= MOST_CURVED:
+        if longest_step(m, m.change) == INFINITY:
+            return True
+    fill(ray, 0.0, n)
+    return False
 
 
 # ---- certificates
