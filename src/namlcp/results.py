@@ -782,7 +782,8 @@ def problem_of(result: Any) -> Any:
         if type(A) is Prepared:
             matrix, A = A, A.A
         else:
-            matrix = Prepared.unchecked(Prepared(A).small, is_symmetric)
+            dense = A if type(A) is np.ndarray else Prepared(A).small
+            matrix = Prepared.unchecked(dense, is_symmetric)
         lower = np.zeros(q.size) if lower is None else lower
         upper = np.full(q.size, np.inf) if upper is None else upper
         problem = LCP(matrix, q, lower, upper), A

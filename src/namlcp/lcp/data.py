@@ -165,7 +165,7 @@ class Prepared:
     def small(self) -> Any:
         """A, dense if it is of small order: then `solve_small` takes less time."""
         is_small = self.is_sparse and self.n <= SMALL_ORDER and self.tridiagonal is None
-        return self.A.toarray() if is_small else self.A
+        return self.compact if is_small else self.A
 
     @cached_property
     def columns(self) -> Any:
