@@ -162,7 +162,7 @@ def solve_symmetric(K: jax.Array, rhs: jax.Array, sign: jax.Array) -> jax.Array:
 
     K is semidefinite where sign is 1, negative where it is -1.
     """
-    size = jax.lax.stop_gradient(jnp.abs(K).max(axis=1))
+    size = jax.lax.stop_gradient(jnp.abs(K).max(axis=1, initial=0.0))
     scale = 1.0 / jnp.sqrt(jnp.where(size > 0.0, size, 1.0))
     K = scale[:, None] * K * scale
     shift = jnp.finfo(K.dtype).eps ** SHIFT

@@ -47,7 +47,7 @@ class Stack:
                 f"leading axes must broadcast, got those of {leads}"
             ) from None
         self.size = int(np.prod(self.lead))
-        self.stacked = {k for k, lead in leads.items() if int(np.prod(lead)) > 1}
+        self.stacked = {k for k, lead in leads.items() if int(np.prod(lead)) != 1}
         if self.lead and not self.stacked:
             self.stacked = {"q"}  # a stack of one item
         self.flat: dict[str, Any] = dict.fromkeys(AXES) | self.flattened(self.parts)
@@ -84,7 +84,7 @@ class Stack:
         `cotangents`: the gradients of a scalar in the solution, shaped as that. Items
         not solved have gradients 0.
         """
-        flat = tuple(np.reshape(v, (self.size, -1)) for v in cotangents)
+        flat = tuple(np.reshape(v, (self.size, v.shape[-1])) for v in cotangents)
         found = self.derivative.backward(*flat)
         return [
             self.summed(k, getattr(found, k)) if asked and k in self.parts else None

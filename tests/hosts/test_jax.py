@@ -27,6 +27,11 @@ def test_derivatives_pass_the_check_of_jax():
     check_grads(jax.jit(solutions), data, 1, eps=1e-6, atol=1e-5, rtol=1e-5)
 
 
+def test_no_variables_have_no_gradient():
+    gradient = jax.grad(lambda q: solve_qp(jnp.zeros((0, 0)), q).x.sum())
+    assert gradient(jnp.zeros(0)).shape == (0,)
+
+
 def test_second_derivatives():
     data = [jnp.asarray(v) for v in layer_data(n=3, m=3, p=1)]
     rng = np.random.default_rng(0)

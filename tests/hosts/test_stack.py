@@ -29,6 +29,15 @@ def test_one_problem_has_no_axes():
     assert gradients[4] is None
 
 
+@pytest.mark.parametrize("name", SIZES)
+def test_an_empty_stack_has_gradients(name):
+    parts = small(**{name: np.empty((0, *SIZES[name]))})
+    stack = Stack(parts, {})
+    gradients = stack.backward(stack.solution, [True] * 8)
+    assert stack.forward(parts).x.shape == stack.solution.x.shape == (0, 2)
+    assert all(g.shape == v.shape for g, v in zip(gradients[:4], parts, strict=False))
+
+
 @pytest.mark.parametrize("lead", [(1,), (4,), (2, 3)])
 def test_items_are_solved_as_each_alone(lead):
     data = layer_data(lead=lead)
