@@ -173,6 +173,15 @@ def test_a_direction_into_infeasibility_is_refused():
         namlcp.solve_qp(*qp).directional(dh=[0.0, -1.0])
 
 
+@pytest.mark.parametrize("kind", [np.array, sp.csc_array])
+def test_a_multiplier_too_small_to_divide_by_counts_as_none(kind):
+    P = kind(np.zeros((1, 1)))
+    result = namlcp.solve_qp(P, [0.0], kind(np.eye(1)), [1.0], kind(np.eye(1)), [1.0])
+    result.z[:], result.y[:] = 1e-310, -1e-310
+    found = result.backward(dx=[1.0])
+    assert (found.weak, found.h, found.b) == (1, 0.0, 1.0)
+
+
 # ---- LCPs
 
 
@@ -190,6 +199,18 @@ def test_directional_of_an_lcp_equals_the_one_sided_difference(seed):
 
     expected = one_sided(at, 1e-7)
     np.testing.assert_allclose(np.append(found.z, found.w), expected, 1e-4, 1e-4)
+
+
+@pytest.mark.parametrize("kind", [np.array, sp.csr_array])
+def test_an_unknown_is_weak_though_the_terms_of_its_w_cancel(kind):
+    """z = (2, 1, 0), w = 0: w_3 = 1 * 2 - 2 * 1 is a rounding error, and q_3 = 0."""
+    A = np.array([[5.0, 2.0, -1.0], [6.0, 7.0, 0.0], [1.0, -2.0, 6.0]])
+    result = namlcp.solve_lcp(kind(A), [-12.0, -19.0, 0.0])
+    dq = np.array([0.0, 0.0, 1.0])
+    found = result.directional(dq=-dq)
+    assert found.weak == 1
+    np.testing.assert_allclose(found.z, np.linalg.solve(A, dq), atol=1e-12)
+    assert result.directional(dq=dq).z[2] == 0.0
 
 
 def test_a_singular_free_block_keeps_the_weak_unknowns():

@@ -7,7 +7,7 @@ from namlcp.measure cimport Terms, set_terms
 from namlcp.qp.active.dense cimport DenseActiveSet
 from namlcp.qp.active.engine cimport response_of
 
-cdef double ACTIVE, LEAST_PIVOT
+cdef double ACTIVE, LEAST_PIVOT, LEAST_DIVISOR
 cdef enum:
     ARRAYS = 16
     SOLVES = 2

@@ -22,7 +22,7 @@ from cython import Py_ssize_t
 from cython.cimports import numpy as cnp
 from cython.cimports.libc.math import fabs, sqrt
 
-from namlcp.checks import as_sparse
+from namlcp import checks
 from namlcp.linalg.csc import times
 
 # A multiplier counts as 0 if in no column of the stationarity condition its term
@@ -32,6 +32,7 @@ ACTIVE = 1e-8
 # Factors are used if no pivot is below this multiple of its diagonal entry; a single
 # step of refinement then removes the error of the Schur complement.
 LEAST_PIVOT = 1e-8
+LEAST_DIVISOR = checks.LEAST_DIVISOR
 # SOLVES: solves with the factors for one right-hand side; the second refines the first.
 # ARRAYS: data, solution and gradients in the solution.
 
@@ -44,9 +45,9 @@ def sides_of(qp, point):
     t: Terms
     (P, q, _, _, A, _, _, _), (x, y, z, z_box) = qp, point
     set_terms(cython.address(t), qp, point)
-    n, m, p, G = t.n, t.m, t.p, as_sparse(qp.G)
+    n, m, p, G = t.n, t.m, t.p, checks.as_sparse(qp.G)
     size = np.abs((times(P, x), q, z_box, qp.G.T @ z, A.T @ y)).max(axis=0)
-    np.divide(1.0, size, size, where=size > 0.0)
+    np.divide(1.0, size, size, where=size > LEAST_DIVISOR)
     entries, share = np.abs(G.data), np.zeros(m)
     np.maximum.at(share, G.indices, entries * np.repeat(size, np.diff(G.indptr)))
     share *= z
@@ -61,20 +62,19 @@ def sides_of(qp, point):
     return *sides, weak
 
 
-def sides_of_lcp(q, lower, upper, slopes, z, w):
+def sides_of_lcp(terms, lower, upper, slopes, z, w):
     """Return the sides `strict` and `whole` (2, n) of the unknowns of a solved LCP.
 
-    w_i is 0 up to ACTIVE times the largest known term of (A z + q)_i. z_i is at a bound
-    with w_i != 0 if its distance is less than |w_i| over the slope of w_i in z_i.
+    terms: |A| |z| + |q|; w_i is 0 up to ACTIVE times that. z_i is at a bound with
+    w_i != 0 if its distance is less than |w_i| over the slope of w_i in z_i.
     """
-    n: Py_ssize_t = q.size
+    n: Py_ssize_t = terms.size
     sides = np.empty((2, n), dtype=np.int8)
-    strict, cost, slope = signs(sides, 2 * n), numbers(q, n), numbers(slopes, n)
+    strict, term, slope = signs(sides, 2 * n), numbers(terms, n), numbers(slopes, n)
     l, u = numbers(lower, n), numbers(upper, n)
     x, v = numbers(z, n), numbers(w, n)
     for i in range(n):
-        term = max(fabs(cost[i]), max(fabs(v[i] - cost[i]), fabs(slope[i] * x[i])))
-        zero, near = ACTIVE * term, ACTIVE * (1.0 + fabs(x[i]))
+        zero, near = ACTIVE * term[i], ACTIVE * (1.0 + fabs(x[i]))
         side: cython.int = 0
         if l[i] == u[i]:
             side = 1 if v[i] < 0.0 else -1
@@ -238,7 +238,7 @@ def mark_item(m):
     for j in range(n):
         large = max(fabs(size[j]), max(fabs(qp.q[j]), fabs(qp.z_box[j])))
         large = max(large, max(fabs(qp.Gtz[j]), fabs(qp.Aty[j])))
-        size[j] = 1.0 / large if large > 0.0 else 0.0
+        size[j] = 1.0 / large if large > LEAST_DIVISOR else 0.0
     for i in range(rows):
         row, multiplier, share[i] = m.G + i * n, qp.z[i], 0.0
         if multiplier > 0.0:

@@ -57,7 +57,8 @@ class LCPDerivative:
             raise ValueError("derivatives need the entries of A, got a LinearOperator")
         self.lcp, self.given, self.z = lcp, given, z
         matrix, q, lower, upper = lcp
-        self.strict, self.whole = sides_of_lcp(q, lower, upper, matrix.slopes, z, w)
+        terms = abs(matrix.A) @ np.abs(z) + np.abs(q)
+        self.strict, self.whole = sides_of_lcp(terms, lower, upper, matrix.slopes, z, w)
         self.weak = int(np.count_nonzero(self.whole) - np.count_nonzero(self.strict))
         self.singular = False
         for side in (self.strict, self.whole) if self.weak else (self.strict,):
