@@ -361,6 +361,12 @@ def test_second_colour_is_relaxed_last(seed):
     np.testing.assert_allclose(moved, changes, rtol=1e-12)
 
 
+@pytest.mark.parametrize("method", TAKES)
+def test_no_unknowns_are_solved(method, capfd):
+    assert solve_lcp(np.zeros((0, 0)), [], method=method).found
+    assert capfd.readouterr() == ("", "")
+
+
 def test_triangles_have_no_two_colours():
     rows = sparse.csr_array(np.ones((3, 3)))
     assert not two_colours(rows.indptr, rows.indices, np.zeros(3, np.uint8))

@@ -63,6 +63,8 @@ class Shifted:
             )
         K = M.copy(order="F")
         K[np.diag_indices_from(K)] += diagonal
+        if K.size == 0:  # LAPACK refuses it
+            return ShiftedFactors(np.copy)
         lu, pivots, info = dgetrf(K, overwrite_a=1)
         if info != 0:
             return None
