@@ -221,11 +221,13 @@ def test_items_too_large_to_be_solved_together():
         np.testing.assert_allclose(found.x, single.x, atol=1e-12)
 
 
-def test_an_empty_batch_has_an_empty_result():
-    batch = solve_batch(np.eye(3), np.empty((0, 3)))
+@pytest.mark.parametrize("P", [np.eye(3), np.empty((0, 3, 3))])
+def test_an_empty_batch_has_an_empty_result(P):
+    batch = solve_batch(P, np.empty((0, 3)))
     assert len(batch) == 0
     assert batch.x.shape == (0, 3)
     assert list(batch) == []
+    assert batch.backward(dx=np.empty((0, 3))).P.shape == P.shape
 
 
 def test_infeasible_items_have_their_closest_points(mixed):

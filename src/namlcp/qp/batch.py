@@ -169,7 +169,7 @@ def solve_stack(
     """Solve small dense items in compiled loops; return the items that are left."""
     qp, size = items.shared, items.size
     order = qp.q.size + qp.h.size + qp.b.size
-    if not qp.is_dense or order > active.MOST_ORDER:
+    if size == 0 or not qp.is_dense or order > active.MOST_ORDER:
         return np.arange(size)
     arrays: Any = tuple(
         items.stacked.get(name, own) for name, own in qp._asdict().items()
