@@ -359,7 +359,7 @@ def test_solvers_in_many_threads():
         assert list(pool.map(run, range(4))) == expected
 
 
-def test_a_solve_lets_other_threads_run():
+def test_a_solve_lets_other_threads_run_and_refuses_to_be_disturbed():
     """Another thread runs during a solve, although none is made to yield."""
     solver = Solver(*dense(complementary(0, 300, 600, 0, 300).qp))
     ready, go, ran = threading.Event(), threading.Event(), []
@@ -367,6 +367,8 @@ def test_a_solve_lets_other_threads_run():
     def work():
         ready.set()
         go.wait()
+        with pytest.raises(RuntimeError, match="one thread at a time"):
+            solver.solve()
         ran.append(True)
 
     thread = threading.Thread(target=work)

@@ -136,7 +136,7 @@ class Solver(metaclass=Public):
         # whether it has still to take new ones.
         suits = not qp.is_dense or is_small(qp)
         self.active_set: Any = active.kept_for(qp) if suits else None
-        self.is_renewed = False
+        self.is_renewed, self.is_solving = False, False
         # Solves that it has tried in a row and left to others; those that are left to
         # these from now on without trying.
         self.left, self.pause = 0, inf if self.active_set is None else 0.0
@@ -245,6 +245,8 @@ class Solver(metaclass=Public):
             warm_start is no solution of a problem of these sizes.
         KeyboardInterrupt
             Ctrl-C was pressed. The Solver can be used all the same.
+        RuntimeError
+            The Solver is solving in another thread.
 
         Examples
         --------
@@ -258,6 +260,9 @@ class Solver(metaclass=Public):
         if derivative is not False:
             check_flag("derivative", derivative)
         m, options, result, guess = self.active_set, self.options, None, None
+        if self.is_solving:
+            raise RuntimeError("a Solver is for one thread at a time: copy it for each")
+        self.is_solving = True
         try:
             if warm_start is not None:
                 guess = make_guess(self.qp, None, warm_start)
@@ -287,6 +292,8 @@ class Solver(metaclass=Public):
         except BaseException:
             self.begin()  # as some of what is kept may be half done
             raise
+        finally:
+            self.is_solving = False
         if result.status is SOLVED:
             self.last = result
         return result
