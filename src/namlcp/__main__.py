@@ -116,9 +116,10 @@ def compare(
         if answer.x is None:
             print(f"{name:<10} no{1e3 * seconds:62.3f} ms")
             continue
+        objective = answer.x @ (0.5 * (problem.P @ answer.x) + problem.q)
         print(
             f"{name:<10} {'yes' if answer.found else 'no':<6} "
-            f"{answer.obj:<16.9g} {answer.primal_residual():8.1e} "
+            f"{objective:<16.9g} {answer.primal_residual():8.1e} "
             f"{answer.dual_residual():8.1e} {answer.duality_gap():8.1e} "
             f"{1e3 * seconds:9.3f} ms"
         )

@@ -72,9 +72,10 @@ def test_qps_file(tmp_path, capsys):
     assert record["status"] == "solved"
     assert record["objective"] == pytest.approx(0.04, abs=1e-12)
     assert np.load(output)["x"].tolist() == record["x"]
-    assert main(["solve", str(path), "--compare", "nam"]) == 0
-    table = capsys.readouterr().out.splitlines()
-    assert [line.split()[:2] for line in table[-2:]] == [["nam", "yes"]] * 2
+    assert main(["solve", str(path), "--compare", "osqp"]) == 0  # tells no objective
+    table = [line.split()[:3] for line in capsys.readouterr().out.splitlines()[-2:]]
+    assert [row[:2] for row in table] == [["nam", "yes"], ["osqp", "yes"]]
+    assert [float(row[2]) for row in table] == pytest.approx([0.04, 0.04], abs=1e-6)
     for option in (["--compare", "nobody"], ["--method", "pgs"]):
         assert main(["solve", str(path), *option]) == 2
 
