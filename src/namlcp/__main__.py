@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 import qpsolvers
+from qpsolvers.exceptions import QPError, SolverError
 
 import namlcp
 from namlcp.files import read_problem
@@ -57,7 +58,7 @@ def solve_file(path: str, args: dict[str, Any]) -> int:
             np.savez(output, **arrays, status=result.status.value)
         if rivals:
             compare(problem, rivals.split(","), settings)
-    except (TypeError, ValueError, OSError, qpsolvers.exceptions.QPError) as error:
+    except (TypeError, ValueError, OSError, QPError) as error:
         print(f"{path}: {error}", file=sys.stderr)
         return 2
     return 0 if result.status is namlcp.Status.SOLVED else 1
@@ -111,7 +112,12 @@ def compare(
             warnings.simplefilter("ignore")  # of conversions, and of points not found
             for _ in range(3):
                 start = time.perf_counter()
-                answer = qpsolvers.solve_problem(problem, name, **given)
+                try:
+                    answer = qpsolvers.solve_problem(problem, name, **given)
+                except QPError:
+                    raise
+                except Exception as error:  # of any kind, as bad bounds of OSQP
+                    raise SolverError(f"{name} failed: {error!r}") from error
                 seconds = min(seconds, time.perf_counter() - start)
         if answer.x is None:
             print(f"{name:<10} no{1e3 * seconds:62.3f} ms")

@@ -80,6 +80,13 @@ def test_qps_file(tmp_path, capsys):
         assert main(["solve", str(path), *option]) == 2
 
 
+def test_a_solver_that_raises_is_named(tmp_path, capsys):
+    path = tmp_path / "bounds.mps"
+    path.write_text(QPS.replace(" UP set x 50.0", " UP set x 1.0"))
+    assert main(["solve", str(path), "--compare", "osqp"]) == 2
+    assert "osqp failed: OSQPException(" in capsys.readouterr().err
+
+
 def test_infeasible_file_says_so(tmp_path, capsys):
     path = tmp_path / "infeasible.mps"
     path.write_text(QPS.replace(" LO set x 2.0", " LO set x 60.0"))
