@@ -24,7 +24,7 @@ from namlcp import solve_qp
 from namlcp.linalg import factors
 from namlcp.linalg.factors import plan_lu
 from namlcp.linalg.fronts import Fronts
-from namlcp.linalg.ordering import chained, minimum_degree
+from namlcp.linalg.ordering import minimum_degree
 from namlcp.linalg.sparse_ldl import SparseFactors
 
 
@@ -41,7 +41,6 @@ KINDS = {
     "columns, natural order": as_it_stands(SparseFactors),
     "fronts": by_degree(Fronts),
     "fronts, natural order": as_it_stands(Fronts),
-    "fronts, chained": lambda U: Fronts(*parts(U), chained(natural(U))),
     "planned": lambda U: factors.plan_factors(*parts(U)),
 }
 

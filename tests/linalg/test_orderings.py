@@ -5,7 +5,7 @@ import pytest
 from problems_elimination import fill, laplacian, natural, parts, upper
 
 from namlcp.limits import Deadline, OutOfTime
-from namlcp.linalg.ordering import Order, chained, minimum_degree, supernodes
+from namlcp.linalg.ordering import minimum_degree, supernodes
 
 
 def scattered(size, entries, seed):
@@ -149,12 +149,11 @@ def test_hubs_are_eliminated_last_and_cost_no_fill():
     assert order.counts.sum() <= inner.counts.sum() + 2500 * 20
 
 
-@pytest.mark.parametrize("sort", [Order, chained])
-def test_supernodes_hold_the_pattern_of_their_columns(K, sort):
+def test_supernodes_hold_the_pattern_of_their_columns(K):
     if not K.size:
         return
     U = upper(K)
-    order = minimum_degree(*parts(U)) if sort is Order else chained(natural(U))
+    order = minimum_degree(*parts(U))
     nodes = supernodes(*parts(U), order)
     L = factor_pattern(K, order)
     node = np.repeat(np.arange(nodes.parent.size), np.diff(nodes.first))
@@ -170,19 +169,9 @@ def test_supernodes_hold_the_pattern_of_their_columns(K, sort):
             assert above > s
             beyond = nodes.rows[nodes.starts[above] : nodes.starts[above + 1]]
             assert np.isin(below, beyond).all()
-            assert sort is chained or node[below[0]] == above
+            assert node[below[0]] == above
         else:
             assert above == -1
         size = nodes.panels[s + 1] - nodes.panels[s]
         assert size == rows.size * (end - begin)
     assert L.sum() <= nodes.panels[-1] <= max(4 * L.sum(), 100)
-
-
-def test_columns_under_full_rows_join_supernodes():
-    """Pairs of columns are beside each other and 16 rows: full ones, two of a pair."""
-    U = upper(CASES["full rows"])
-    order = natural(U)
-    apart, joined = (supernodes(*parts(U), o) for o in (order, chained(order)))
-    assert apart.parent.size > 30
-    assert joined.parent.size <= 8
-    assert joined.panels[-1] < 2 * apart.panels[-1]

@@ -10,12 +10,7 @@ from namlcp.arrays import dense_asymmetry, sparse_asymmetry
 from namlcp.limits import NEVER, PASS, Deadline
 from namlcp.linalg.csc import as_dense
 from namlcp.linalg.fronts import Fronts
-from namlcp.linalg.ordering import (
-    Order,
-    chained,
-    minimum_degree,
-    nested_dissection,
-)
+from namlcp.linalg.ordering import Order, minimum_degree, nested_dissection
 from namlcp.linalg.sparse_ldl import Factors, SparseFactors
 from namlcp.linalg.threads import THREADS
 
@@ -50,7 +45,7 @@ def plan_factors(
     order = best_order(indptr, indices, deadline)
     deadline.check(PASS * order.entries)
     if order.work >= max(HEAVY, HEAVY_ROW * order.parent.size):
-        fronts = Fronts(indptr, indices, chained(order), None, THREADS.get())
+        fronts = Fronts(indptr, indices, order, None, THREADS.get())
         if fronts.stack <= MOST_WAITING * order.entries:
             return fronts
     return SparseFactors(indptr, indices, order)

@@ -1,4 +1,4 @@
-from namlcp.arrays cimport indices as longs, places, signs
+from namlcp.arrays cimport indices as longs, places
 from namlcp.limits cimport Watched, is_over, raise_kept
 
 cdef double ABOVE_ROOT, ABOVE_MEAN, OPERATIONS
@@ -42,8 +42,7 @@ cdef void merge_alike(Quotient* g, Py_ssize_t begin) noexcept nogil
 cdef Py_ssize_t link_all(Quotient* g, Py_ssize_t pivot, Py_ssize_t left) noexcept nogil
 cpdef tuple permuted(object indptr, object indices, object place, bint is_strict)
 cdef tuple elimination_tree(object indptr, object indices)
-cdef object renumbered(object place, object parent, object counts, object comes_last)
-cdef void postorder(Py_ssize_t size, const int* parent, const signed char* comes_last, int* place, int* room) noexcept
+cdef void postorder(Py_ssize_t size, const int* parent, int* place, int* room) noexcept
 cdef object merged(const int[::1] parent, const int[::1] counts, const int[::1] lower, const int[::1] below)
 cdef bint are_twins(Py_ssize_t i, Py_ssize_t j, const int[::1] parent, const int[::1] lower, const int[::1] below) noexcept
 cdef void append_rows(Py_ssize_t n, const int* indptr, const int* indices, const int* parent, const int* node, int* seen, Py_ssize_t* end, int* rows) noexcept nogil

@@ -418,18 +418,14 @@ def nested_dissection(indptr, indices):
 
 
 def postordered(indptr, indices, place):
+    """Return an order with the columns postordered."""
     columns, rows, _ = permuted(indptr, indices, place, True)
     parent, counts = elimination_tree(columns, rows)
-    return renumbered(place, parent, counts, np.zeros(place.size, np.int8))
-
-
-def renumbered(place, parent, counts, comes_last):
-    """Return an order with the columns postordered; comes_last: after its siblings."""
     size: Py_ssize_t = place.size
     found, room = np.empty((3, size), np.int32), np.empty(4 * size + 2, np.int32)
     new, to = places(found, 3 * size), places(room, 4 * size + 2)
     old, above, below = places(place, size), places(parent, size), places(counts, size)
-    postorder(size, above, signs(comes_last, size), to, to + size)
+    postorder(size, above, to, to + size)
     entries: Py_ssize_t = 0
     work: cython.double = 0.0
     for j in range(size):
@@ -440,35 +436,6 @@ def renumbered(place, parent, counts, comes_last):
         entries += below[j]
         work += cython.cast(cython.double, below[j]) * below[j]
     return Order(*found, entries, work)
-
-
-def chained(order):
-    """Return the order with siblings of the same rows one after another.
-
-    A column is full if its rows are all those of its parent, and the parent. Full
-    siblings, as columns under dense rows are, become a chain with what is full below
-    each: so they may join one supernode, with explicit zeros.
-    """
-    place, parent, counts, _, _ = order
-    is_full = (parent >= 0) & (counts == counts[parent] + 1)
-    number = np.bincount(parent[is_full], minlength=parent.size)  # of full children
-    found = (is_full & (number <= 1) & (number[parent] > 1)).nonzero()[0]
-    if not found.size:
-        return order
-    found = found[np.argsort(parent[found], kind="stable")]
-    before, after = found[:-1], found[1:]
-    same = parent[before] == parent[after]
-    alone = (is_full & (number[parent] == 1)).nonzero()[0].astype(np.int32)
-    heads = np.arange(parent.size, dtype=np.int32)  # the first of what is full below
-    head: cython.int[::1] = heads
-    child: cython.int[::1] = alone
-    parents: cython.int[::1] = parent
-    for t in range(child.shape[0]):
-        head[parents[child[t]]] = head[child[t]]
-    above, comes_last = parent.copy(), np.zeros(parent.size, np.int8)
-    above[before[same]] = heads[after[same]]
-    comes_last[before[same]] = True
-    return renumbered(place, above, counts, comes_last)
 
 
 def permuted(indptr, indices, place, is_strict):
@@ -530,7 +497,7 @@ def elimination_tree(indptr, indices):
     return parents, counts
 
 
-def postorder(size, parent, comes_last, place, room):
+def postorder(size, parent, place, room):
     """Set the place of every node, each directly after its descendants.
 
     room: for 3 size + 2 numbers.
@@ -538,12 +505,10 @@ def postorder(size, parent, comes_last, place, room):
     head, following, path = room, room + size + 1, room + 2 * size + 1
     for k in range(size + 1):
         head[k] = -1  # the last list: the roots
-    for turn in range(2):  # what comes last is put into the lists first
-        for j in range(size - 1, -1, -1):
-            if comes_last[j] + turn == 1:
-                k = parent[j] if parent[j] >= 0 else size
-                following[j] = head[k]
-                head[k] = j
+    for j in range(size - 1, -1, -1):
+        k = parent[j] if parent[j] >= 0 else size
+        following[j] = head[k]
+        head[k] = j
     path[0] = size
     depth: Py_ssize_t = 0
     done: cython.int = 0
