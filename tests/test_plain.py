@@ -9,7 +9,6 @@ import numpy as np
 import plain
 import pytest
 
-from namlcp.limits import Settings
 from namlcp.qp.active.solve import OUTCOMES, solve_small
 from namlcp.result_base import ResultBase
 
@@ -69,7 +68,7 @@ def test_the_text_gives_the_answers_of_the_machine_code(seed):
     m = of_arrays(plain.module("namlcp.qp.active.dense").DenseActiveSet, *qp)
     plain.module("namlcp.qp.active.engine").make_room(m)
     code = m.decide()
-    settings = Settings(1e-9, 1e-10, 1000, INF)
+    settings = 1e-9, 1e-10, 1000, INF
     found = solve_small(ResultBase, settings, perf_counter(), False, qp)
     is_decided = isinstance(found, ResultBase)
     assert is_decided == (code in OUTCOMES)

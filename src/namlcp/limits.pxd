@@ -1,9 +1,5 @@
 cdef double OFTEN
 
-cdef class Settings:
-    cdef readonly double eps_abs, eps_rel, time_limit
-    cdef readonly Py_ssize_t max_iter
-
 cdef class Watched:
     cdef:
         # Operations since the last look at the clock, the end of the time limit; whether

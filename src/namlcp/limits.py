@@ -18,14 +18,6 @@ PASS = 3e-8
 prepares a solve is not begun where it would end too late."""
 
 
-class Settings:
-    """The limits of `Options` for compiled code; time_limit in seconds."""
-
-    def __init__(self, eps_abs, eps_rel, max_iter, time_limit):
-        self.eps_abs, self.eps_rel = eps_abs, eps_rel
-        self.max_iter, self.time_limit = max_iter, time_limit
-
-
 class OutOfTime(Exception):
     """The deadline was reached before any method began."""
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from namlcp.limits import Deadline, Limits, Settings
+from namlcp.limits import Deadline, Limits
 from namlcp.status import Progress
 
 SIDES = "h", "b", "lb", "ub"
@@ -87,9 +87,9 @@ class Options:
         return relaxation_of(self.infeasible)
 
     @cached_property
-    def settings(self) -> Settings:
+    def settings(self) -> tuple[float, float, int, float]:
         """The tolerances and limits, for compiled code."""
-        return Settings(self.eps_abs, self.eps_rel, self.max_iter, self.time_limit)
+        return self.eps_abs, self.eps_rel, self.max_iter, self.time_limit
 
     @cached_property
     def is_plain(self) -> bool:

@@ -274,8 +274,7 @@ class Solver(metaclass=Public):
                 if self.is_renewed:  # not before: a pause goes on with other values
                     self.is_renewed = False
                     active.renew(m, self.qp)
-                until = start + options.time_limit
-                code = active.solve(m, self.vectors, options.settings, until)
+                code = active.solve(m, self.vectors, options.settings, start)
                 if code == Code.DONE:
                     problem = self.matrices, self.vectors, self.given
                     result = active.result_of(m, QPResult, problem, start, start)

@@ -1,4 +1,4 @@
-from namlcp.limits cimport Settings, begin_watch, raise_kept
+from namlcp.limits cimport begin_watch, raise_kept
 from namlcp.arrays cimport are_places, data_of, fits, is_bad, new_vector, new_zeros, places
 from namlcp.arrays cimport stamp_of
 from namlcp.linalg.vectors cimport copy, dot, fill
@@ -26,7 +26,7 @@ cdef tuple OPEN_SIDES
 cdef double FEW_OPERATIONS, PASSES, OF_COST, OF_ROWS, ACTIVE, MOST_ANEW
 
 cdef Py_ssize_t filled(const double* values, Py_ssize_t count) noexcept nogil
-cdef void take_settings(ActiveSet m, Settings settings, double until)
+cdef void take_settings(ActiveSet m, tuple settings, double start)
 cdef int run(ActiveSet m) except -1
 cpdef object result_of(ActiveSet m, object kind, object problem, double start, double ready)
 cdef Py_ssize_t height_of(object C, object d, Py_ssize_t n)

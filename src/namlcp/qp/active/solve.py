@@ -80,11 +80,11 @@ def attach(m, P, G, A, is_single):
     return 0
 
 
-def take_settings(m, settings, until):
-    """Note tolerances and limits; until: the perf_counter() at which time is over."""
-    m.eps_abs, m.eps_rel = settings.eps_abs, settings.eps_rel
-    m.max_iter = settings.max_iter
-    begin_watch(m, until)
+def take_settings(m, settings, start):
+    """Note `Options.settings` for a solve that began at this perf_counter()."""
+    seconds: cython.double = settings[3]
+    m.eps_abs, m.eps_rel, m.max_iter = settings[0], settings[1], settings[2]
+    begin_watch(m, start + seconds)
 
 
 def run(m):
@@ -125,7 +125,7 @@ def height_of(C, d, n):
 
 
 def solve_small(
-    kind, settings: Settings, start, keeps, given: tuple, x0=None, warm_start=None
+    kind, settings: tuple, start, keeps, given: tuple, x0=None, warm_start=None
 ):
     """Solve a small QP whose arguments are clean; None where they are not.
 
@@ -166,7 +166,7 @@ def solve_small(
     fill(m.no_bound + n, INFINITY, n)
     m.lb = m.no_bound if lb is None else data_of(lb)
     m.ub = m.no_bound + n if ub is None else data_of(ub)
-    take_settings(m, settings, start + settings.time_limit)
+    take_settings(m, settings, start)
     if warm_start is not None:
         if not suggest_solution(m, warm_start):
             return None
@@ -231,7 +231,7 @@ def solve_dense(qp, chain, guess, judge, memory=None):
     """
     limits, own = judge.limits, qp.in_dense_form()
     most = limits.max_iter or DEFAULT_OPTIONS.max_iter
-    settings = Settings(limits.eps_abs, limits.eps_rel, most, 0.0)
+    settings = *limits.tolerances, most, 0.0
     m: DenseActiveSet = DenseActiveSet.__new__(DenseActiveSet)
     attach(m, own.P, own.G, own.A, True)
     suggest(m, guess)
@@ -360,14 +360,14 @@ def is_vector(value, size):
     return fits(value, 1) and cnp.PyArray_DIM(value, 0) == size
 
 
-def solve(m: ActiveSet, vectors, settings: Settings, until):
+def solve(m: ActiveSet, vectors, settings: tuple, start):
     """Solve the QP with these vectors, see `QP.joined`; return the code."""
     m.vectors, m.q = vectors, data_of(vectors)
     m.h = m.q + m.n
     m.b = m.h + m.m
     m.lb = m.b + m.p
     m.ub = m.lb + m.n
-    take_settings(m, settings, until)
+    take_settings(m, settings, start)
     run(m)
     return m.code
 
@@ -396,7 +396,7 @@ def updated(vectors, parts: tuple, sizes: tuple):
 
 def solve_items(
     m: DenseActiveSet, arrays, stacked, first: Py_ssize_t, end: Py_ssize_t,
-    settings: Settings, outs, codes, iterations,
+    settings: tuple, outs, codes, iterations,
 ):  # fmt: skip
     """Solve the items first to end - 1 of a batch, each from nothing.
 
