@@ -19,7 +19,6 @@ cpdef bint fits(object value, int ndim)
 cdef bint are_places(object value)
 cdef bint are_long(object value)
 cdef bint _is_clean(object value, int kind, int ndim)
-cdef ndarray new_zeros(npy_intp rows, npy_intp columns)
 cdef ndarray new_vector(npy_intp size)
 cdef double* data_of(ndarray array) noexcept
 cdef double* numbers(object array, Py_ssize_t size) except NULL

@@ -42,12 +42,6 @@ def _is_clean(value, kind, ndim):
     )
 
 
-def new_zeros(rows, columns):
-    shape = cython.declare(cnp.npy_intp[2])
-    shape[0], shape[1] = rows, columns
-    return cnp.PyArray_ZEROS(2, shape, cnp.NPY_DOUBLE, 0)
-
-
 def new_vector(size):
     if size == 0:
         return NO_ENTRIES

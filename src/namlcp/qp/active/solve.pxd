@@ -1,6 +1,5 @@
 from namlcp.limits cimport begin_watch, raise_kept
-from namlcp.arrays cimport are_places, data_of, fits, is_bad, new_vector, new_zeros, places
-from namlcp.arrays cimport stamp_of
+from namlcp.arrays cimport data_of, fits, is_bad, new_vector, stamp_of
 from namlcp.linalg.vectors cimport copy, dot, fill
 from namlcp.measure cimport Numbers
 from namlcp.qp.active.dense cimport DenseActiveSet
@@ -8,7 +7,7 @@ from namlcp.qp.active.engine cimport ActiveSet, CONTRADICTION, DONE, LATE, SUMME
 from namlcp.qp.active.engine cimport forget_rows, make_room
 from namlcp.qp.active.rounds cimport NO_WEIGHT
 from namlcp.qp.active.sparse cimport SparseActiveSet
-from namlcp.qp.intake cimport is_side
+from namlcp.qp.intake cimport is_side, rows_of
 from namlcp.result_base cimport ResultBase, made
 
 cpdef enum:

@@ -16,6 +16,7 @@ from cython.cimports.libc.math import INFINITY, fabs
 from cython.cimports.libc.string import memcpy
 from scipy.sparse import csc_array, csc_matrix
 
+from namlcp.linalg.csc import as_dense
 from namlcp.options import DEFAULT_OPTIONS
 from namlcp.qp import problem
 from namlcp.qp.problem import Point
@@ -197,28 +198,9 @@ def tiny_form(C, n):
     """Return a tiny clean matrix in CSC with n columns as an array, others as given."""
     if type(C) is not csc_array and type(C) is not csc_matrix:
         return C
-    data, indices, indptr = C.data, C.indices, C.indptr
-    if not (fits(data, 1) and are_places(indices) and are_places(indptr)):
-        return C
-    rows: Py_ssize_t = C.shape[0]
-    nnz: Py_ssize_t = cnp.PyArray_DIM(data, 0)
-    if cnp.PyArray_DIM(indptr, 0) != n + 1 or n * (n + rows) > TINY_ENTRIES:
-        return C
-    start, at, value = places(indptr, n + 1), places(indices, nnz), data_of(data)
-    if start[0] != 0 or start[n] != nnz:
-        return C
-    found = new_zeros(rows, n)
-    out = data_of(found)
-    for j in range(n):
-        before = -1
-        if start[j + 1] < start[j] or start[j + 1] > nnz:
-            return C
-        for t in range(start[j], start[j + 1]):
-            if at[t] <= before or at[t] >= rows:
-                return C  # not canonical, or corrupt
-            before = at[t]
-            out[before * n + j] = value[t]
-    return found
+    shape: tuple = C._shape  # C.shape takes a call
+    is_tiny = n * (n + shape[0]) <= TINY_ENTRIES
+    return as_dense(C) if is_tiny and rows_of(C, n, False) >= 0 else C
 
 
 # ---- a QP on the route
