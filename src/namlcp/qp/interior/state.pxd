@@ -84,8 +84,10 @@ cdef class Interior(Watched):
         # Whether the start was warm; cold starts after the first.
         bint is_warm
         Py_ssize_t restarts
-        char *memory
-        size_t memory_end
+        # The array of all vectors, where it begins, how many numbers are taken.
+        object memory
+        double *begin
+        Py_ssize_t taken
 
 
 cdef double ACCURACY, ACCURACY_EXACT, MOST_ACCURATE, LEAST_ACCURATE, EXACT, LEAST_TARGET

@@ -1,8 +1,8 @@
 """The memory of one solve by the interior-point method: one object, one allocation."""
 
-import cython
+import numpy as np
+from cython import Py_ssize_t
 from cython.cimports.libc.math import INFINITY
-from cython.cimports.libc.stdlib import calloc, free
 
 from namlcp.options import DEFAULT_OPTIONS
 
@@ -30,10 +30,9 @@ class Interior(Watched):
         self.size, self.nnz = self.kkt.size, self.kkt.base.size
         self.length = self.n + self.p + 2 * self.m
         lay_out(self)
-        self.memory = cython.cast(cython.p_char, calloc(self.memory_end, 1))
-        if self.memory == cython.NULL:
-            raise MemoryError("a QP of this size needs more memory than there is")
-        self.memory_end = 0
+        size: Py_ssize_t = self.taken
+        self.memory = np.zeros(size)
+        self.begin, self.taken = numbers(self.memory, size), 0
         lay_out(self)
         attach(self)
         self.until = limits.deadline.at
@@ -44,9 +43,6 @@ class Interior(Watched):
         self.max_iter = limits.max_iter or DEFAULT_OPTIONS.max_iter
         self.best, self.step.primal, self.step.dual = INFINITY, 1.0, 1.0
         self.least_target = LEAST_TARGET
-
-    def __dealloc__(self):
-        free(self.memory)
 
     @property
     def point(self):
@@ -59,8 +55,8 @@ class Interior(Watched):
 
 def reals(m, count):
     """Return the place of the next numbers; before there is memory, count them."""
-    found = cython.cast(cython.p_double, m.memory + m.memory_end)
-    m.memory_end += 8 * (count + 1)
+    found = m.begin + m.taken
+    m.taken += count + 1
     return found
 
 
