@@ -1,7 +1,8 @@
 from namlcp.arrays cimport indices as longs, numbers, places
 from namlcp.limits cimport Watched, is_over
-from namlcp.linalg.blas cimport add_gram, blas_times, cholesky, cholesky_solve
+from namlcp.linalg.blas cimport add_gram, blas_times, cholesky
 from namlcp.linalg.csc cimport Columns, take_columns
+from namlcp.linalg.dense cimport backward_solve, forward_solve
 from namlcp.linalg.sparse_ldl cimport Factors
 from namlcp.linalg.vectors cimport copy, fill
 
@@ -21,8 +22,10 @@ cdef enum:
 
 cdef class Condensed(Factors):
     cdef:
-        # Variables; the pattern of K~; S, R and D; work space.
-        Py_ssize_t width
+        # Variables; the order of S; where its part of K~ and the eliminated one begin.
+        Py_ssize_t columns, width, kept, gone
+        double sign
+        # The pattern of K~; S, R, and D with ones for the part kept; work space.
         const int *indptr, *indices
         double *S, *R, *D, *y, *u
         tuple arrays

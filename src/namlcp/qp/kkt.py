@@ -81,7 +81,8 @@ class KKT:
         if self.factors is None:
             n, rows = self.n, self.size - self.n
             entries = self.indptr[self.size] - self.indptr[n] - rows
-            if condense and n <= rows and entries >= FULL * n * rows:
+            can_condense = n <= rows or self.indptr[n] == n
+            if condense and can_condense and entries >= FULL * n * rows > 0:
                 self.factors = Condensed(self.indptr, self.indices, n)
             else:
                 self.factors = plan_factors(self.indptr, self.indices, deadline)
@@ -97,56 +98,68 @@ class KKT:
 
 
 class Condensed(Factors):
-    """K~ with full rows by the Cholesky factor of S = P + dx + R'R, R = D C.
+    """K~ = [H C'; C -V] with full rows by a Cholesky factor of order n or that of V.
 
-    D^2 = 1 / (dy, dv); all of dx, dy and dv are positive.
+    The rows are eliminated, S = H + R'R with R = D C, D^2 = 1 / V, sign = 1; or, where
+    they are fewer than variables and H is diagonal, the variables, S = V + R R' with
+    R = C D, D^2 = 1 / H, sign = -1. All diagonal entries of H and V are positive.
     """
 
     def __init__(self, indptr, indices, n):
         Factors.__init__(self, indptr)
         rows = self.n - n
-        self.width, self.entries = n, n * self.n
-        parts = np.empty(n * n), np.zeros(rows * n), np.empty((3, self.n))
+        self.columns, self.width, self.sign = n, min(n, rows), 1.0 if n <= rows else -1.0
+        self.kept, self.gone = (0, n) if n <= rows else (n, 0)
+        square = self.width * self.width
+        self.entries = self.width * self.n
+        parts = np.empty(square), np.zeros(rows * n), np.ones(self.n), np.empty(2 * self.n)
         self.arrays = indptr, indices, *parts
         self.indptr = places(indptr, self.n + 1)
         self.indices = places(indices, self.nnz)
-        self.S, self.R = numbers(parts[0], n * n), numbers(parts[1], rows * n)
-        self.D, self.y = numbers(parts[2][0], self.n), numbers(parts[2][1], self.n)
-        self.u = numbers(parts[2][2], self.n)
+        self.S, self.R = numbers(parts[0], square), numbers(parts[1], rows * n)
+        self.D, self.y = numbers(parts[2], self.n), numbers(parts[3], 2 * self.n)
+        self.u = self.y + self.n
 
     def factor_values(self, data, watch):
-        n, S, R, D, indptr = self.width, self.S, self.R, self.D, self.indptr
-        rows = self.n - n
-        fill(S, 0.0, n * n)
-        for j in range(n):
-            for t in range(indptr[j], indptr[j + 1]):
-                S[j * n + self.indices[t]] = data[t]
-        for i in range(rows):
-            last = indptr[n + i + 1] - 1
-            D[i] = sqrt(-1.0 / data[last])
-            for t in range(indptr[n + i], last):
-                R[i * n + self.indices[t]] = D[i] * data[t]
+        n, width, S, R, D = self.columns, self.width, self.S, self.R, self.D
+        kept, gone, others = self.kept, self.gone, self.n - self.width
+        fill(S, 0.0, width * width)
+        for j in range(width):
+            last = self.indptr[kept + j + 1] - 1
+            for t in range(self.indptr[j] if kept == 0 else last, last + 1):
+                S[j * width + self.indices[t] - kept] = self.sign * data[t]
+        for i in range(gone, gone + others):
+            D[i] = sqrt(-self.sign / data[self.indptr[i + 1] - 1])
+        for i in range(self.n - n):
+            for t in range(self.indptr[n + i], self.indptr[n + i + 1] - 1):
+                j = self.indices[t]
+                R[i * n + j] = D[n + i] * D[j] * data[t]
         first: Py_ssize_t = 0
-        while first < rows:
-            count = min(BLOCK, rows - first)
-            if is_over(watch, count * n * n):
+        while first < others:
+            count = min(BLOCK, others - first)
+            if is_over(watch, count * width * width):
                 return False
-            add_gram(R + first * n, count, n, n, b"N", 1.0, S, n)
+            if kept == 0:
+                add_gram(R + first * n, count, n, n, b"N", 1.0, S, n)
+            else:
+                add_gram(R + first, width, count, n, b"T", 1.0, S, width)
             first += count
-        return cholesky(S, n)
+        return cholesky(S, width)
 
     def solve_into(self, rhs, x):
-        n, rows, D, y, u = self.width, self.n - self.width, self.D, self.y, self.u
-        for i in range(rows):
-            y[i] = D[i] * rhs[n + i]
-        blas_times(self.R, rows, n, y, u, b"N")
-        for j in range(n):
-            u[j] += rhs[j]
-        cholesky_solve(self.S, n, u)
-        copy(u, x, n)
-        blas_times(self.R, rows, n, x, u, b"T")
-        for i in range(rows):
-            x[n + i] = D[i] * (u[i] - y[i])
+        n, rows, D, y, u = self.columns, self.n - self.columns, self.D, self.y, self.u
+        kept, gone, width, others = self.kept, self.gone, self.width, self.n - self.width
+        for i in range(others):
+            y[i] = D[gone + i] * rhs[gone + i]
+        blas_times(self.R, rows, n, y, u, b"N" if kept == 0 else b"T")
+        for j in range(width):
+            u[j] += self.sign * rhs[kept + j]
+        forward_solve(self.S, width, u)
+        backward_solve(self.S, width, u)
+        copy(u, x + kept, width)
+        blas_times(self.R, rows, n, x + kept, u, b"T" if kept == 0 else b"N")
+        for i in range(others):
+            x[gone + i] = self.sign * D[gone + i] * (u[i] - y[i])
 
 
 def upper_triangle(P, A, G, starts, rows, values):
