@@ -393,6 +393,19 @@ def note_entries(M, rows, columns, of_rows, of_columns):
         along[line] = max(along[line], largest)
 
 
+def take_matrix(M, C):
+    """Set C to the arrays of M, dense or in CSC."""
+    C.starts = C.others = cython.NULL
+    C.lines, C.width = M.shape
+    values = M
+    if type(M) is not np.ndarray:
+        C.lines, values = C.width, M.data
+        C.starts = places(M.indptr, C.lines + 1)
+        C.others = places(M.indices, values.size)
+    C.values = numbers(values, values.size)
+    return 0
+
+
 def first_of(M, line):
     return line * M.width if M.starts == cython.NULL else M.starts[line]
 

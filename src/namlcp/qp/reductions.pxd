@@ -1,5 +1,6 @@
 from namlcp.arrays cimport indices as longs, numbers, places, signs
 from namlcp.linalg.csc cimport Columns, take_columns
+from namlcp.qp.kkt cimport Matrix, first_of, take_matrix
 
 cdef enum:
     # Values of `Groups.number` for a row that is not wanted, and for an empty one.
@@ -14,7 +15,7 @@ cdef enum:
 cdef double FIXED, SAME, GOLDEN, PIVOT
 
 cdef int find_fixed(object lb, object ub, object stays) except -1
-cdef int group_rows(Py_ssize_t m, int* indptr, int* indices, double* data, int* number, double* ratio) except -1
+cdef int group_rows(Py_ssize_t m, Py_ssize_t n, int* indptr, int* indices, double* data, int* number, double* ratio) except -1
 cdef double multiple(const int* indices, const double* data, Py_ssize_t a, Py_ssize_t a_end, Py_ssize_t c, Py_ssize_t c_end) noexcept
 cdef Py_ssize_t merge_rows(Py_ssize_t rows, const int* number, const double* ratio, const double* sides, bint equal, double tol, object ends, object givers) except -2
 cdef Py_ssize_t wrong_empty_row(Py_ssize_t rows, const int* number, const double* sides, bint equal, double tol) noexcept

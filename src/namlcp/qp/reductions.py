@@ -27,7 +27,7 @@ from cython.cimports.libc.string import memcpy
 from scipy.sparse import csc_array, csr_array
 
 from namlcp.arrays import constant
-from namlcp.checks import from_arrays
+from namlcp.checks import from_arrays, refuse_size
 from namlcp.limits import NEVER, PASS
 from namlcp.linalg.csc import (
     add_transposed,
@@ -89,7 +89,7 @@ class Presolved(NamedTuple):
 
 
 def presolve(qp, eps_abs, eps_rel, last=None):
-    """Return the smaller problem of a QP in CSC; reuse matrices of `last` if equal."""
+    """Return the smaller problem, P in CSC; reuse matrices of `last` if equal."""
     _, q, _, h, _, b, lb, ub = qp
     stays = constant(q.size, True, np.bool_)
     find_fixed(lb, ub, stays.view(np.int8))
@@ -167,12 +167,16 @@ def leading_rows(M, columns, sides):
 
     Rows whose side is inf are left out.
     """
-    C: Columns
+    C: Matrix
     m: Py_ssize_t = sides.size
     n: Py_ssize_t = columns.size
-    most: Py_ssize_t = M.data.size
-    take_columns(M, M.shape[1], cython.address(C))
-    kept, side = longs(columns, n), numbers(sides, m)
+    most: Py_ssize_t = M.size
+    refuse_size("a matrix by rows", most)
+    take_matrix(M, cython.address(C))
+    numbered = constant(M.shape[1], -1, np.int32)
+    numbered[columns] = np.arange(n)
+    column, side = places(numbered, numbered.size), numbers(sides, m)
+    is_dense: cython.bint = C.starts == cython.NULL
     groups = Groups(constant(m, EMPTY, np.int32), constant(m, 1.0))
     number = places(groups.number, m)
     starts, others = np.zeros(m + 1, np.int32), np.empty(most, np.int32)
@@ -182,26 +186,30 @@ def leading_rows(M, columns, sides):
     for i in range(m):
         if not side[i] < INFINITY:
             number[i] = UNWANTED
-    for k in range(n):
-        for t in range(C.indptr[kept[k]], C.indptr[kept[k] + 1]):
-            i = C.indices[t]
-            if number[i] == EMPTY and C.data[t] != 0.0:
+    for line in range(C.lines):
+        begin = first_of(cython.address(C), line)
+        for t in range(begin, first_of(cython.address(C), line + 1)):
+            i = line if is_dense else C.others[t]
+            j = t - begin if is_dense else line
+            if number[i] == EMPTY and column[j] >= 0 and C.values[t] != 0.0:
                 indptr[i] += 1
     for i in range(m):  # indptr[i] is the end of row i, then its beginning
         indptr[i + 1] += indptr[i]
-    for k in range(n - 1, -1, -1):
-        for t in range(C.indptr[kept[k]], C.indptr[kept[k] + 1]):
-            i = C.indices[t]
-            if number[i] == EMPTY and C.data[t] != 0.0:
+    for line in range(C.lines - 1, -1, -1):
+        begin = first_of(cython.address(C), line)
+        for t in range(first_of(cython.address(C), line + 1) - 1, begin - 1, -1):
+            i = line if is_dense else C.others[t]
+            j = t - begin if is_dense else line
+            if number[i] == EMPTY and column[j] >= 0 and C.values[t] != 0.0:
                 indptr[i] -= 1
-                indices[indptr[i]], data[indptr[i]] = k, C.data[t]
-    count = group_rows(m, indptr, indices, data, number, numbers(groups.ratio, m))
+                indices[indptr[i]], data[indptr[i]] = column[j], C.values[t]
+    count = group_rows(m, n, indptr, indices, data, number, numbers(groups.ratio, m))
     parts = starts[: count + 1], others[: starts[count]], entries[: starts[count]]
     return from_arrays(parts, (count, n), csr_array), groups
 
 
-def group_rows(m, indptr, indices, data, number, ratio):
-    """Group the rows of a CSR matrix that are proportional; return how many groups.
+def group_rows(m, n, indptr, indices, data, number, ratio):
+    """Group proportional rows of a CSR matrix (m, n); return how many groups there are.
 
     number and ratio are set as in `Groups`, for rows that are not empty; the matrix is
     overwritten by its leaders. The key of a row is sum |a_ij| w_ij / |first a_ij| with
@@ -216,18 +224,20 @@ def group_rows(m, indptr, indices, data, number, ratio):
     kept: cython.int = 0
     group: cython.int = 0
     bits: cython.int = 0
+    weights = np.empty(n)
+    weight = numbers(weights, n)
+    for j in range(n):
+        weight[j] = 1.0 + GOLDEN * j - floor(GOLDEN * j)
     begin = indptr[0]
     for i in range(m):
         end = indptr[i + 1]
         if begin == end:
             continue
         total = 0.0
+        is_positive: cython.bint = data[begin] > 0.0
         for t in range(begin, end):
-            share = GOLDEN * indices[t]
-            weight = 1.0 + share - floor(share)
-            if (data[t] > 0.0) != (data[begin] > 0.0):
-                weight += 1.0
-            total += fabs(data[t]) * weight
+            is_other: cython.bint = (data[t] > 0.0) != is_positive
+            total += fabs(data[t]) * (weight[indices[t]] + is_other)
         single: cython.float = total / fabs(data[begin])
         memcpy(cython.address(bits), cython.address(single), cython.sizeof(single))
         s = (bits ^ (bits >> 15)) & mask
@@ -243,7 +253,7 @@ def group_rows(m, indptr, indices, data, number, ratio):
         else:
             table[s], number[i], key[kept] = kept, kept, bits
             start = indptr[kept]
-            for t in range(end - begin):
+            for t in range(end - begin if start < begin else 0):
                 indices[start + t] = indices[begin + t]
                 data[start + t] = data[begin + t]
             kept += 1

@@ -59,12 +59,9 @@ def solve_interior(qp, chain, guess, judge, memory):
     holds the factors of a problem solved before, and takes those of this one.
     """
     limits, deadline = judge.limits, judge.limits.deadline
-    for name in ("P", "G", "A") if qp.is_dense else ():
-        M = getattr(qp, name)
-        deadline.check(PASS * M.size)
-        qp = qp._replace(**{name: as_sparse(M)})
-    entries = qp.P.data.size + qp.G.data.size + qp.A.data.size
-    deadline.check()
+    entries = qp.P.size + qp.G.size + qp.A.size
+    deadline.check(PASS * entries)
+    qp = qp._replace(P=as_sparse(qp.P))
     memory.ensure_convex(qp.P, deadline)
     found = alone(judge.qp, *limits.tolerances)
     if found is not None:
