@@ -22,8 +22,8 @@ cdef enum:
 
 cdef class Condensed(Factors):
     cdef:
-        # Variables; the order of S; where its part of K~ and the eliminated one begin.
-        Py_ssize_t columns, width, kept, gone
+        # The sizes of C, of S and of the eliminated part; where these parts begin.
+        Py_ssize_t columns, rows, width, others, kept, gone
         double sign
         # The pattern of K~; S, R, and D with ones for the part kept; work space.
         const int *indptr, *indices
@@ -45,4 +45,4 @@ cdef int take_matrix(object M, Matrix* C) except -1
 cdef void note_entries(const Matrix* M, const double* rows, const double* columns, double* of_rows, double* of_columns) noexcept nogil
 cdef Py_ssize_t first_of(const Matrix* M, Py_ssize_t line) noexcept nogil
 cdef (Py_ssize_t, Py_ssize_t) place_of(const Matrix* M, Py_ssize_t line, Py_ssize_t t) noexcept nogil
-cpdef int even_out(const int[::1] indptr, const int[::1] indices, const double[::1] data, double[::1] scale) except -1
+cpdef int even_out(const int[::1] indptr, const int[::1] indices, const double[::1] data, double[::1] scale, double[::1] logs) except -1

@@ -49,8 +49,8 @@ class KKT:
     """K for P (both triangles stored), A and G, with the factors of K~.
 
     base: the values of K, all diagonal entries stored. data: those of K~, of which the
-    caller writes data[diagonal]. factored: the `data` that `factors` belong to; those
-    of `last` if it has the same pattern. n, size: the orders of P and K.
+    caller writes data[diagonal]. factored: the data[diagonal] that `factors`, those of
+    `last` if it has the same pattern, belong to. n, size: the orders of P and K.
     """
 
     def __init__(self, P, A, G, last=None):
@@ -66,12 +66,12 @@ class KKT:
         self.diagonal = self.indptr[1:] - 1
         self.data = np.empty(entries)
         self.factors = None
-        self.factored = constant(entries, np.nan)  # unlike any data
+        self.factored = constant(self.size, np.nan)  # unlike any numbers
         if last is not None and (
             np.array_equal(last.indptr, self.indptr)
             and np.array_equal(last.indices, self.indices)
         ):
-            self.factors, self.factored = last.factors, last.factored
+            self.factors = last.factors
 
     def plan(self, condense=False, deadline=NEVER):
         """Return the factors, which are not computed yet if they are new.
@@ -108,21 +108,23 @@ class Condensed(Factors):
     def __init__(self, indptr, indices, n):
         Factors.__init__(self, indptr)
         rows = self.n - n
-        self.columns, self.width, self.sign = n, min(n, rows), 1.0 if n <= rows else -1.0
+        self.columns, self.rows = n, rows
+        self.width, self.others = min(n, rows), max(n, rows)
         self.kept, self.gone = (0, n) if n <= rows else (n, 0)
-        square = self.width * self.width
+        self.sign = 1.0 if n <= rows else -1.0
         self.entries = self.width * self.n
-        parts = np.empty(square), np.zeros(rows * n), np.ones(self.n), np.empty(2 * self.n)
+        square, full = self.width * self.width, rows * n
+        parts = np.empty(square), np.zeros(full), np.ones(self.n), np.empty(2 * self.n)
         self.arrays = indptr, indices, *parts
         self.indptr = places(indptr, self.n + 1)
         self.indices = places(indices, self.nnz)
-        self.S, self.R = numbers(parts[0], square), numbers(parts[1], rows * n)
+        self.S, self.R = numbers(parts[0], square), numbers(parts[1], full)
         self.D, self.y = numbers(parts[2], self.n), numbers(parts[3], 2 * self.n)
         self.u = self.y + self.n
 
     def factor_values(self, data, watch):
         n, width, S, R, D = self.columns, self.width, self.S, self.R, self.D
-        kept, gone, others = self.kept, self.gone, self.n - self.width
+        kept, gone, others = self.kept, self.gone, self.others
         fill(S, 0.0, width * width)
         for j in range(width):
             last = self.indptr[kept + j + 1] - 1
@@ -130,10 +132,15 @@ class Condensed(Factors):
                 S[j * width + self.indices[t] - kept] = self.sign * data[t]
         for i in range(gone, gone + others):
             D[i] = sqrt(-self.sign / data[self.indptr[i + 1] - 1])
-        for i in range(self.n - n):
-            for t in range(self.indptr[n + i], self.indptr[n + i + 1] - 1):
+        for i in range(self.rows):
+            row, start = R + i * n, self.indptr[n + i]
+            count = self.indptr[n + i + 1] - 1 - start
+            if count == n:  # by vectors
+                for j in range(n):
+                    row[j] = D[n + i] * D[j] * data[start + j]
+            for t in range(start, start + count if count < n else start):
                 j = self.indices[t]
-                R[i * n + j] = D[n + i] * D[j] * data[t]
+                row[j] = D[n + i] * D[j] * data[t]
         first: Py_ssize_t = 0
         while first < others:
             count = min(BLOCK, others - first)
@@ -147,8 +154,8 @@ class Condensed(Factors):
         return cholesky(S, width)
 
     def solve_into(self, rhs, x):
-        n, rows, D, y, u = self.columns, self.n - self.columns, self.D, self.y, self.u
-        kept, gone, width, others = self.kept, self.gone, self.width, self.n - self.width
+        n, rows, D, y, u = self.columns, self.rows, self.D, self.y, self.u
+        kept, gone, width, others = self.kept, self.gone, self.width, self.others
         for i in range(others):
             y[i] = D[gone + i] * rhs[gone + i]
         blas_times(self.R, rows, n, y, u, b"N" if kept == 0 else b"T")
@@ -222,8 +229,10 @@ class ScaledQP:
             self.scale = constant(self.kkt.size, 1.0)
             matrix = self.kkt.indptr, self.kkt.indices, self.kkt.base
             if not small.P.data.any():
-                even_out(*matrix, self.scale)
+                even_out(*matrix, self.scale, self.kkt.data)
             equilibrate(*matrix, self.scale)
+            if old is not None and np.array_equal(old.base, self.kkt.base):
+                self.kkt.factored = old.factored
         self.kkt.data[:] = self.kkt.base
         self.unit = self.scale.copy()
         self.unit[n:] = 1.0 / self.scale[n:]
@@ -417,32 +426,37 @@ def place_of(M, line, t):
     return M.others[t], line
 
 
-def even_out(indptr, indices, data, scale):
+def even_out(indptr, indices, data, scale, logs):
     """Divide columns and rows by the geometric means of their entries, in turn; P = 0.
 
     Each time that minimises sum log(|k_ij| s_i s_j)^2, of which the minimum does not
     depend on how rows and columns were scaled before (A.R. Curtis and J.K. Reid, J.
     Inst. Maths Applics 10, 1972). Multiplies scale by s; reads the upper triangle.
+    logs: work space.
     """
     size = scale.shape[0]
-    count: cython.double[::1] = np.empty(size)
+    counts: cython.double[:, ::1] = np.zeros((2, size))
     total: cython.double[::1] = np.empty(size)
     s: cython.double[::1] = np.zeros(size)
-    logs: cython.double[::1] = np.empty(data.shape[0])
-    for t in range(data.shape[0]):
-        logs[t] = log(fabs(data[t]))
+    for j in range(size):
+        for t in range(indptr[j], indptr[j + 1]):
+            if data[t] != 0.0:
+                logs[t] = log(fabs(data[t]))
+                counts[0, j] += 1.0
+                counts[1, indices[t]] += 1.0
     for k in range(2 * SWEEPS):
         change = 0.0
-        count[:] = 0.0
-        total[:] = 0.0
+        count, total[:] = counts[k % 2], 0.0
         for j in range(size):
+            own = 0.0
             for t in range(indptr[j], indptr[j + 1]):
-                if data[t] != 0.0:
-                    own = j
-                    if k % 2 == 1:
-                        own = indices[t]
-                    count[own] += 1.0
-                    total[own] += logs[t] + s[j + indices[t] - own]
+                if data[t] == 0.0:
+                    continue
+                if k % 2 == 0:
+                    own += logs[t] + s[indices[t]]
+                else:
+                    total[indices[t]] += logs[t] + s[j]
+            total[j] += own
         for j in range(size):
             if count[j] > 0.0:
                 change = max(change, fabs(s[j] + total[j] / count[j]))

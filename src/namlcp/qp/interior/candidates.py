@@ -315,7 +315,9 @@ def project_multipliers(m, candidate):
     diagonal[:n] = PROJECTION + weight[:n]
     diagonal[rows:] = -1.0 / np.maximum(weight[rows:], THIN)
     kkt.data[kkt.diagonal] = diagonal
+    kkt.factored[:] = np.nan
     is_factored: cython.bint = factor(m)
+    kkt.factored[:] = np.nan
     kkt.data[:] = kkt.base
     best, last, rhs, u = (y, Z), INFINITY, np.zeros(kkt.size), np.empty(kkt.size)
     for _ in range(PROJECTION_STEPS if is_factored else 0):

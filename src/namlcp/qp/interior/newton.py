@@ -189,18 +189,14 @@ def factor(m):
     """Factor K~ unless its factors are at hand; tell if that succeeds."""
     is_known: cython.bint = True
     for j in range(m.size):
-        m.row_size[j] = max(1.0, fabs(m.data[m.indptr[j + 1] - 1]))
-    for t in range(m.nnz - 1, -1, -1):
-        if m.data[t] != m.factored[t]:
-            is_known = False
-            break
-    if is_known:
+        diagonal = m.data[m.indptr[j + 1] - 1]
+        m.row_size[j] = max(1.0, fabs(diagonal))
+        if diagonal != m.factored[j]:
+            is_known, m.factored[j] = False, diagonal
+    if is_known or m.factors.factor_values(m.data, m):
         return True
-    succeeds = m.factors.factor_values(m.data, m)
-    copy(m.data, m.factored, m.nnz)
-    if not succeeds:
-        m.factored[m.nnz - 1] = NAN  # unlike any values
-    return succeeds
+    m.factored[m.size - 1] = NAN  # unlike any number
+    return False
 
 
 def weighted_norm(r, weight, size):

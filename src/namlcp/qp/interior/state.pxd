@@ -19,8 +19,8 @@ cdef class Interior(Watched):
         readonly object problem, chain, judge, limits
         object kkt, given
         Factors factors
-        # The problem: K and K~ without and with its varying diagonal, the values that are
-        # factored; one-sided constraints are sign * t[place] + W = c with slacks W >= 0
+        # The problem: K and K~ without and with its varying diagonal, the diagonal that
+        # is factored; one-sided constraints are sign * t[place] + W = c with slacks W >= 0
         # and multipliers Z >= 0, where t = (x, Ax, Gx) and v = (net z_box, y, net z) have
         # the layout of K. cost, goal_b and goal_c are q, b and c of active-set systems.
         const int *indptr, *indices

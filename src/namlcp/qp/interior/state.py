@@ -86,7 +86,7 @@ def attach(m):
     m.given = problem.q, problem.b, problem.c
     m.indptr, m.indices = places(kkt.indptr, m.size + 1), places(kkt.indices, m.nnz)
     m.base, m.data = numbers(kkt.base, m.nnz), numbers(kkt.data, m.nnz)
-    m.factored = numbers(kkt.factored, m.nnz)
+    m.factored = numbers(kkt.factored, m.size)
     m.factors = kkt.plan(True, m.limits.deadline)
     m.place, m.sign = places(problem.place, m.m), numbers(problem.sign, m.m)
     m.unit = numbers(problem.unit, m.size)
