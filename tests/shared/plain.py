@@ -157,7 +157,7 @@ GIVEN = {
     "namlcp.linalg.sparse_ldl": SimpleNamespace(Factors=object, as_array=None),
     "namlcp.linalg.blas": SimpleNamespace(
         blas_dot=dot, blas_times=None, cholesky=None, invert_lower=None,
-        times_lower=None, add_gram=None, cholesky_solve=None,
+        times_lower=None, add_gram=None,
     ),
 }  # fmt: skip
 INSTEAD = {"namlcp.qp.active.engine": {"reals": reals, "indices": indices}}

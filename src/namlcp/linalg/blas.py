@@ -17,7 +17,6 @@ from cython.cimports.scipy.linalg.cython_lapack import (
     dgetrf,
     dgetrs,
     dpotrf,
-    dpotrs,
     dtrtri,
 )
 
@@ -53,17 +52,6 @@ def cholesky(A, n):
     if n > 0:
         dpotrf(b"U", address(n), A, address(n), address(info))
     return info == 0
-
-
-def cholesky_solve(L, n, b):
-    """Overwrite b (n,) by the solution of L L'x = b."""
-    one: cython.int = 1
-    info: cython.int = 0
-    if n > 0:
-        dpotrs(
-            b"U", address(n), address(one), cast(p_double, L), address(n), b,
-            address(n), address(info),
-        )  # fmt: skip
 
 
 def lu(A, n, pivots):

@@ -1,6 +1,7 @@
 from namlcp.arrays cimport data_of, new_vector, numbers, places
 from namlcp.limits cimport Watched, begin_watch
-from namlcp.linalg.blas cimport cholesky, cholesky_solve, lu, lu_solve
+from namlcp.linalg.blas cimport cholesky, lu, lu_solve
+from namlcp.linalg.dense cimport backward_solve, forward_solve
 from namlcp.linalg.ordering cimport order_by_degree
 from namlcp.linalg.vectors cimport copy, fill
 

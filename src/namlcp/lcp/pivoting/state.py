@@ -132,7 +132,8 @@ def solve_free(m):
     if m.is_sparse:
         solve_sparse(m, x)
     elif m.symmetric:
-        cholesky_solve(m.dense, m.count, x)
+        forward_solve(m.dense, m.count, x)
+        backward_solve(m.dense, m.count, x)
     else:
         lu_solve(m.dense, m.count, m.pivots, x)
     for k in range(m.count):
