@@ -138,7 +138,8 @@ class Condensed(Factors):
             if count == n:  # by vectors
                 for j in range(n):
                     row[j] = D[n + i] * D[j] * data[start + j]
-            for t in range(start, start + count if count < n else start):
+                continue
+            for t in range(start, start + count):
                 j = self.indices[t]
                 row[j] = D[n + i] * D[j] * data[t]
         first: Py_ssize_t = 0

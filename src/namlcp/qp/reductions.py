@@ -253,7 +253,7 @@ def group_rows(m, n, indptr, indices, data, number, ratio):
         else:
             table[s], number[i], key[kept] = kept, kept, bits
             start = indptr[kept]
-            for t in range(end - begin if start < begin else 0):
+            for t in range(end - begin if start < begin else 0):  # they move up
                 indices[start + t] = indices[begin + t]
                 data[start + t] = data[begin + t]
             kept += 1
