@@ -63,12 +63,12 @@ HOT void four_dots(const double *row, const double *a, const double *b, const do
         GET(x, row + i); GET(p, a + i); GET(q, b + i); GET(r, c + i); GET(w, d + i);
         ADD(s, x, p); ADD(t, x, q); ADD(u, x, r); ADD(v, x, w);
     }
-    double sa = SUM(s), sb = SUM(t), sc = SUM(u), sd = SUM(v);
+    lanes sums = {SUM(s), SUM(t), SUM(u), SUM(v)};
     for (; i < n; i++) {
-        sa += row[i] * a[i]; sb += row[i] * b[i];
-        sc += row[i] * c[i]; sd += row[i] * d[i];
+        lanes x = {row[i], row[i], row[i], row[i]}, column = {a[i], b[i], c[i], d[i]};
+        ADD(sums, x, column);
     }
-    out[0] = sa; out[1] = sb; out[2] = sc; out[3] = sd;
+    *(lanes *)out = sums;
 }
 
 /* out += scale a */
