@@ -116,6 +116,8 @@ def times(M, x):
     rows, n = M.shape
     if x.shape != (n,):
         raise ValueError(f"x must have shape ({n},), got {x.shape}")
+    if rows == 0:
+        return np.zeros(0)
     if not is_clean_csc(M):
         return (M @ x).reshape(rows)  # a coo_array of one row gives a scalar
     C: Columns
@@ -130,9 +132,11 @@ def add_transposed(M, z, out):
     rows, n = M.shape
     if z.shape != (rows,) or out.shape != (n,):
         raise ValueError(f"z must have shape ({rows},), got {z.shape}")
+    if rows == 0:
+        return
     if not is_clean_csc(M):
         out += z @ M
-    elif rows:
+    else:
         C: Columns
         z = np.ascontiguousarray(z, float)
         take_columns(M, n, cython.address(C))
@@ -142,7 +146,7 @@ def add_transposed(M, z, out):
 
 def is_clean_csc(M):
     """Tell whether M is a CSC matrix whose arrays can go to compiled code."""
-    if getattr(M, "format", "") != "csc":
+    if type(M) is np.ndarray or getattr(M, "format", "") != "csc":
         return False
     size, indptr, indices = M.data.size, M.indptr, M.indices
     is_clean = fits(M.data, 1) and are_places(indices) and are_places(indptr)
