@@ -128,13 +128,7 @@ class NAM(QpSolver):
         if closest is not None and closest.status is Status.SOLVED:
             status, point = s.USER_LIMIT, closest
         y, z = point.y, point.z
-        extra: dict[str, Any] = {
-            "status": solution.status.value,
-            "message": solution.message or solution.status.explanation,
-            "form": solution.form,
-            "residuals": solution.residuals,
-            "closest": closest,
-        }
+        extra: dict[str, Any] = solution.summary() | {"closest": closest}
         # NaN where the problem is unbounded; an infinite equation has become a row.
         wanted = sum(constraint.size for constraint in inverse_data[self.EQ_CONSTR])
         have_duals = y.size == wanted and np.isfinite(np.append(y, z)).all()

@@ -3,6 +3,7 @@
 import importlib
 import time
 import warnings
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ from namlcp.solve.qp import solve_arguments
 from namlcp.status import Status
 
 KEYWORD = "nam"
-NO_ENTRIES, NOTHING = np.empty(0), (None, None, None, None)
+NO_ENTRIES, NOTHING = np.empty(0), SimpleNamespace(x=None, y=None, z=None)
 # Members of an Enum take 0.1 us to look up.
 SOLVED, INFEASIBLE, UNBOUNDED = (
     Status.SOLVED, Status.PRIMAL_INFEASIBLE, Status.DUAL_INFEASIBLE
@@ -79,8 +80,10 @@ def nam_solve_problem(
     try:
         result = None
         if options.is_plain:
-            how = QPResult, options.settings, start, False
-            result = solve_small(*how, arguments, initvals, warm_start)
+            result = solve_small(
+                QPResult, options.settings, start, False, arguments, initvals,
+                warm_start,
+            )  # fmt: skip
         if result is None:
             result = solve_arguments(
                 arguments, options, start, initvals, warm_start, name="initvals"
@@ -95,27 +98,20 @@ def nam_solve_problem(
 
 def solution(problem: "qpsolvers.Problem", result: QPResult) -> "qpsolvers.Solution":
     """Return `result` as a Solution."""
-    status = result.status
-    extras = {
-        "status": status._value_,  # which is the value, without a descriptor
-        "message": result.message or status.explanation,
-        "iterations": result.iterations,
-        "form": result.form,
-        "residuals": result.residuals,
-    }
-    absent = problem.lb is None and problem.ub is None
-    z_box = NO_ENTRIES if absent else result.z_box
-    parts: tuple[Any, ...] = result.x, result.y, result.z, z_box
+    status, extras = result.status, result.summary()
+    is_free = problem.lb is None and problem.ub is None
+    point: Any = result
+    z_box: Any = NO_ENTRIES if is_free else result.z_box
     if status is INFEASIBLE:
         extras["certificate"] = {"y": result.y, "z": result.z, "z_box": z_box}
-        parts, point = NOTHING, result.closest
-        if point is not None:
-            extras["closest"] = point
-            parts = point.x, point.y, point.z, NO_ENTRIES if absent else point.z_box
+        point, z_box = NOTHING, None
+        if result.closest is not None:
+            extras["closest"] = point = result.closest
+            z_box = NO_ENTRIES if is_free else point.z_box
     elif status is UNBOUNDED:
-        extras["certificate"], parts = {"x": result.x}, NOTHING
+        extras["certificate"], point, z_box = {"x": result.x}, NOTHING, None
     return qpsolvers.Solution(  # names of arguments would take 0.4 us
-        problem, extras, status is SOLVED, result.obj, *parts,
+        problem, extras, status is SOLVED, result.obj, point.x, point.y, point.z, z_box,
         result.setup_time, result.solve_time,
     )  # fmt: skip
 

@@ -27,4 +27,5 @@ cdef class LCPResultBase:
         public object kept
 
 
+cdef object new_tuple
 cdef object made(object kind)

@@ -4,6 +4,8 @@ import cython
 
 from namlcp.residuals import Residuals
 
+new_tuple = tuple.__new__
+
 
 class ResultBase:
     """How a solve ended, and the point; the attributes are those of `QPResult`."""
@@ -27,7 +29,16 @@ class ResultBase:
         parts = (
             r.primal, r.dual, r.gap, r.primal_size, r.dual_size, r.gap_size, r.objective
         )  # fmt: skip
-        return tuple.__new__(Residuals, parts)  # in half the time of Residuals(*parts)
+        return new_tuple(Residuals, parts)  # in half the time of Residuals(*parts)
+
+    def summary(self):
+        """Return how the solve ended, as a dict."""
+        return {
+            "status": self.status._value_,  # which is the value, without a descriptor
+            "message": self.message or self.status.explanation,
+            "iterations": self.iterations, "form": self.form,
+            "residuals": self.residuals,
+        }  # fmt: skip
 
 
 class LCPResultBase:
