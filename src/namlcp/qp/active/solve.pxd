@@ -19,6 +19,7 @@ cpdef enum:
     FULL = 30
     TINY_ENTRIES = 6000
     MOST_LENGTH = 20_000
+    BRIEF = 1000
 
 cdef object SOLVED, DUAL, clock
 cdef tuple OPEN_SIDES
