@@ -274,10 +274,10 @@ class Solver(metaclass=Public):
                 if self.is_renewed:  # not before: a pause goes on with other values
                     self.is_renewed = False
                     active.renew(m, self.qp)
-                code = active.solve(m, self.vectors, options.settings, start)
-                if code == Code.DONE:
-                    problem = self.matrices, self.vectors, self.given
-                    result = active.result_of(m, QPResult, problem, start, start)
+                result = active.solve_next(
+                    m, QPResult, (self.matrices, self.vectors, self.given),
+                    options.settings, start,
+                )  # fmt: skip
                 if result is None or not self.is_own:
                     result = self.judged(start)
                 elif not derivative:

@@ -28,7 +28,7 @@ cdef double FEW_OPERATIONS, PASSES, OF_COST, OF_ROWS, ACTIVE, MOST_ANEW
 cdef Py_ssize_t filled(const double* values, Py_ssize_t count) noexcept nogil
 cdef void take_settings(ActiveSet m, tuple settings, double start)
 cdef int run(ActiveSet m) except -1
-cpdef object result_of(ActiveSet m, object kind, object problem, double start, double ready)
+cdef object result_of(ActiveSet m, object kind, object problem, double start, double ready)
 cdef Py_ssize_t height_of(object C, object d, Py_ssize_t n)
 cpdef int attach(DenseActiveSet m, object P, object G, object A, bint is_single) except -1
 cdef object small_form(object C)
@@ -37,4 +37,5 @@ cdef void suggest_signs(ActiveSet m, const double* z, const double* z_box) noexc
 cdef bint suggest_point(DenseActiveSet m, object x0)
 cdef bint is_met(double side, double value) noexcept
 cdef bint suggest_solution(DenseActiveSet m, object point)
+cpdef int solve(ActiveSet m, object vectors, tuple settings, double start) except -1
 cdef bint is_vector(object value, Py_ssize_t size)

@@ -114,7 +114,8 @@ def result_of(m, kind, problem, start, ready):
         result.status = OUTCOMES[m.code]
         result.obj = INFINITY if m.code == CONTRADICTION else -INFINITY
     result.iterations, result.problem = m.pivots, problem
-    result.setup_time, result.solve_time = ready - start, clock() - ready
+    done: cython.double = clock()
+    result.setup_time, result.solve_time = ready - start, done - ready
     return result
 
 
@@ -130,8 +131,9 @@ def height_of(C, d, n):
 
 
 def solve_small(
-    kind, settings: tuple, start, keeps, given: tuple, x0=None, warm_start=None
-):
+    kind, settings: tuple, start: cython.double, keeps, given: tuple, x0=None,
+    warm_start=None,
+):  # fmt: skip
     """Solve a small QP whose arguments are clean; None where they are not.
 
     given: P, q, G, h, A, b, lb, ub as they came. P, G and A are dense, or in CSC and
@@ -179,7 +181,7 @@ def solve_small(
         return None
     ready: cython.double = clock()
     run(m)
-    if m.code not in OUTCOMES:
+    if m.code != DONE and m.code not in OUTCOMES:
         return None
     result: ResultBase = result_of(m, kind, given, start, ready)
     result.stamp = stamp_of(given)
@@ -346,7 +348,7 @@ def is_vector(value, size):
     return fits(value, 1) and cnp.PyArray_DIM(value, 0) == size
 
 
-def solve(m: ActiveSet, vectors, settings: tuple, start):
+def solve(m, vectors, settings, start):
     """Solve the QP with these vectors, see `QP.joined`; return the code."""
     m.vectors, m.q = vectors, data_of(vectors)
     m.h = m.q + m.n
@@ -356,6 +358,14 @@ def solve(m: ActiveSet, vectors, settings: tuple, start):
     take_settings(m, settings, start)
     run(m)
     return m.code
+
+
+def solve_next(
+    m: ActiveSet, kind, problem: tuple, settings: tuple, start: cython.double
+):
+    """Solve the QP with the vectors problem[1]; return the result, None if not DONE."""
+    solve(m, problem[1], settings, start)
+    return result_of(m, kind, problem, start, start) if m.code == DONE else None
 
 
 def updated(vectors, parts: tuple, sizes: tuple):
