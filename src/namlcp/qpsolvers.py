@@ -1,8 +1,8 @@
 """The interface to qpsolvers: a Problem in, a Solution out, nothing computed here."""
 
 import importlib
-import time
 import warnings
+from time import perf_counter
 from types import SimpleNamespace
 from typing import Any
 
@@ -69,7 +69,7 @@ def nam_solve_problem(
     qpsolvers.SolverError
         The solver failed unexpectedly.
     """
-    start = time.perf_counter()
+    start = perf_counter()
     try:
         if verbose:
             settings["verbose"] = True
