@@ -392,9 +392,11 @@ def correct_by_kept(own, m):
     triangle_solve_transposed(own.triangle, own.k, goals)
     for i in range(own.k):
         k = own.active[i]
-        add_scaled(-goals[i], response_of(own, k) + qp.m, values + qp.m, n + p)
+        if own.length == own.rows + p:
+            add_scaled(-goals[i], response_of(own, k) + qp.m, values + qp.m, n + p)
         if k < qp.m:
             m.v[k] += goals[i]
+    own.set_x(own.rhs, goals, values)
     add_scaled(1.0, values + qp.m, m.u, n)
     add_scaled(1.0, values + own.rows, m.v + qp.m, p)
 

@@ -93,6 +93,16 @@ class DenseActiveSet(ActiveSet):
         times_triangle_transposed(self.factor, n, half, x)
         times_rows(self.G, self.m, n, n, x, values)
 
+    def set_x(self, rhs, factor, values):
+        if self.length > self.m:
+            return
+        n, x = self.n, values + self.m
+        copy(rhs, x, n)
+        for i in range(self.k):
+            add_scaled(-factor[i], self.G + self.active[i] * n, x, n)
+        times_triangle(self.factor, n, x, self.half)
+        times_triangle_transposed(self.factor, n, self.half, x)
+
     def make_response(self, row):
         self.operations += self.n * self.length
         set_unit_load(self, row, self.rhs)
@@ -152,7 +162,7 @@ class DenseActiveSet(ActiveSet):
         self.is_ready = False
         if self.p > MOST_EQUATIONS * (self.n + 2) or not is_sound(self):
             return False
-        self.rho, self.skipped = 0.0, 0
+        self.rho, self.skipped, self.length = 0.0, 0, self.rows + self.p
         is_plain: cython.bint = self.wanted <= 0.0 and factor_cost(self)
         if not is_plain and (self.wanted == NO_WEIGHT or not factor_weighted(self)):
             return False
@@ -392,8 +402,9 @@ def prepare(m):
     """Make the responses to all rows of G at once, if many are violated at the base.
 
     Most of those enter sooner or later; one by one the speed of memory limits them.
+    Without bounds they hold G u alone: steps need no x, but for the rounding of it.
     """
-    n, rows, length = m.n, m.m, m.length
+    n, rows = m.n, m.m
     if m.p > 0 or rows > min(MOST_ROWS * n, m.capacity):
         return
     set_base_values(m)
@@ -402,15 +413,22 @@ def prepare(m):
         violated += m.s0[i] > m.h[i]
     if MANY * violated <= rows:
         return
+    has_bounds: cython.bint = False
+    for j in range(n):
+        has_bounds = has_bounds or not (isinf(m.lb[j]) and isinf(m.ub[j]))
+    W, U, width = m.responses, m.responses + rows, m.length  # G P^-1 G' beside G P^-1
+    if not has_bounds:
+        m.length, width, U = rows, n, W + rows * rows
     for i in range(rows):
-        copy(m.G + i * n, claim_place(m, i) + rows, n)
-    W, U = m.responses, m.responses + rows  # G P^-1 G' and G P^-1, side by side
-    times_lower(U, rows, length, m.factor, n, b"T")
-    add_gram(U, rows, n, length, b"T", 0.0, W, length)
-    times_lower(U, rows, length, m.factor, n, b"N")
+        claim_place(m, i)
+        copy(m.G + i * n, U + i * width, n)
+    times_lower(U, rows, width, m.factor, n, b"T")
+    add_gram(U, rows, n, width, b"T", 0.0, W, m.length)
+    if has_bounds:
+        times_lower(U, rows, width, m.factor, n, b"N")
     for i in range(rows):
         for j in range(i):
-            W[j * length + i] = W[i * length + j]
+            W[j * m.length + i] = W[i * m.length + j]
 
 
 # ---- a whole solve

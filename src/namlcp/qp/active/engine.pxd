@@ -5,7 +5,7 @@ from namlcp.linalg.vectors cimport add_four, add_scaled, copy, dot, fill
 from namlcp.measure cimport Numbers
 
 cdef double DEPENDENT, VIOLATION_ROUNDING, NOISE, MOST_ROUNDING
-cdef double ROUND_ROUNDING, MOST_ROUND_ROUNDING, BASE_ROUNDING
+cdef double CERTAIN, ROUND_ROUNDING, MOST_ROUND_ROUNDING, BASE_ROUNDING
 cdef enum:
     MOST_NUMBERS = 8_000_000
     MOST_SORTED = 64
@@ -31,8 +31,8 @@ cdef class ActiveSet(Watched):
         # The vectors of the problem, and where the point is to be; not owned.
         const double *q, *h, *b, *lb, *ub
         double *x, *y, *z, *z_box
-        # rows = m + n inequalities and bounds, length = rows + p; the most active rows and
-        # responses; equations that depend on others.
+        # rows = m + n inequalities and bounds; numbers of a response, all rows + p or
+        # G u alone; the most active rows and responses; equations that depend on others.
         Py_ssize_t n, m, p, rows, length, most, capacity, skipped
         # Values at the base point and now, their change for a multiplier that grows, or
         # along a direction of conjugate gradients; 1 over the norms of the rows.
@@ -87,6 +87,7 @@ cdef class ActiveSet(Watched):
     cdef bint remove(self, Py_ssize_t i) noexcept nogil
     cdef void set_multipliers(self) noexcept nogil
     cdef void set_point_values(self) noexcept nogil
+    cdef void set_x(self, const double* rhs, const double* factor, double* values) noexcept nogil
     cdef bint finish(self) noexcept nogil
 
 
@@ -109,6 +110,7 @@ cdef void set_base_values(ActiveSet m) noexcept nogil
 cdef bint drop_wrong_signs(ActiveSet m) noexcept nogil
 cdef double size_of(ActiveSet m, const double* values) noexcept nogil
 cdef void choose_entering(ActiveSet m) noexcept nogil
+cdef bint is_certain(ActiveSet m) noexcept nogil
 cdef Code step(ActiveSet m) noexcept nogil
 cdef Code excuse(ActiveSet m) noexcept nogil
 cdef Code pivot(ActiveSet m) noexcept nogil

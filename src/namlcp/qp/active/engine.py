@@ -39,6 +39,8 @@ ROUND_ROUNDING, MOST_ROUND_ROUNDING = 1e-12, 1e-7
 # Rounding of s over the largest entry of s0 from which it was subtracted: what is left
 # at a vertex x = 0. Rows that are active are allowed `level` of it.
 BASE_ROUNDING = 4e-16
+# Violation over its terms that is none of rounding, whatever x has become.
+CERTAIN = 1e-6
 # MOST_NUMBERS: most numbers that all responses may take, 64 MB; there are no more
 # active rows. MOST_SORTED: most active rows for which L is computed anew at the end,
 # which takes k^3 / 6 operations.
@@ -156,8 +158,14 @@ class ActiveSet(Watched):
         return fine
 
     def set_point_values(self):
-        copy(self.s0, self.s, self.length)
+        copy(self.s0, self.s, self.rows + self.p)
         subtract_responses(self, self.multiplier, self.k, self.s)
+
+    def set_x(self, rhs, factor, values):
+        """Set x in values to that of K^-1 rhs less factor_i w_i for all active rows.
+
+        That is nothing to do where responses hold x, which has changed with G x.
+        """
 
 
 def reals(m, count):
@@ -397,6 +405,16 @@ def choose_entering(m):
     m.entering, m.entering_side, m.own = entering, at, 0.0
 
 
+def is_certain(m):
+    """Tell whether the entering row is violated beyond doubt, by an x of before."""
+    row = m.entering
+    if row < 0:
+        return False
+    goal, scale = goal_of(m, row, m.entering_side), m.scale[row]
+    size = fabs(goal) * scale + max(m.base_size, size_of(m, m.s))
+    return fabs(m.s[row] - goal) * scale > CERTAIN * size
+
+
 def step(m):
     """Let the multiplier of the entering row grow until a step ends: DONE if it can.
 
@@ -435,6 +453,7 @@ def excuse(m):
     """
     row = m.entering
     goal, scale = goal_of(m, row, m.entering_side), m.scale[row]
+    m.set_x(m.rhs, m.multiplier, m.s)
     terms = fabs(goal) * scale + size_of(m, m.s)
     if not fabs(m.s[row] - goal) * scale <= NOISE * m.level * terms:
         set_contradiction(m)
@@ -450,6 +469,9 @@ def pivot(m):
     while True:
         if m.entering < 0:
             choose_entering(m)
+            if m.length < m.rows and not is_certain(m):
+                m.set_x(m.rhs, m.multiplier, m.s)
+                choose_entering(m)
             if m.entering < 0:
                 return DONE
             m.pivots += 1

@@ -10,7 +10,7 @@ from namlcp.qp.active.engine cimport set_base_values, size_of, subtract_response
 cdef double RHO, NO_WEIGHT
 cdef double EXACT, GOOD, FLAT, NEARLY_EXACT, CANCELLED, TINY, OPEN
 cdef double RAY_GAIN, MOST_CURVED, LEAST_GROWTH
-cdef double ACCURATE, ROUNDING, GAIN, LEAST_DIVISOR, INFINITE
+cdef double ACCURATE, FRESH, ROUNDING, GAIN, LEAST_DIVISOR, INFINITE
 cdef enum:
     CORRECTIONS = 3
     MOST_ROUNDS = 20

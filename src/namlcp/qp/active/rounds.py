@@ -45,9 +45,9 @@ from cython.cimports.libc.math import INFINITY, exp, fabs, floor, log, sqrt
 from namlcp import checks
 
 # A point is refined until its residuals over the moduli of their terms are at most
-# ACCURATE, and within tolerance by ROUNDING of these moduli; each of the CORRECTIONS
-# has to lower them by the factor GAIN.
-ACCURATE, ROUNDING, GAIN = 1e-12, 4e-15, 0.5
+# ACCURATE, or FRESH if x was made in one go, and within tolerance by ROUNDING of these
+# moduli; each of the CORRECTIONS has to lower them by the factor GAIN.
+ACCURATE, FRESH, ROUNDING, GAIN = 1e-12, 1e-14, 4e-15, 0.5
 # In place of 0 where a size is divided by; what is infinite beside sides of about 1.
 LEAST_DIVISOR, INFINITE = checks.LEAST_DIVISOR, checks.INFINITE
 # rho over that power of 16, if no other is asked for; m.wanted without any weight.
@@ -103,6 +103,7 @@ def solve_at_hand(m):
     else:
         found = STUCK
     if found == LATE:
+        m.set_x(m.rhs, m.multiplier, m.s)
         set_point(m)
         clip_point(m)
         m.set_products(False)
@@ -247,22 +248,24 @@ def set_change(m, to_sides):
     triangle_solve(m.triangle, m.k, m.ratio)
     triangle_solve_transposed(m.triangle, m.k, m.ratio)
     subtract_responses(m, m.ratio, m.k, m.change)
+    m.set_x(m.rhs, m.ratio, m.change)
     return size
 
 
 def take_change(m):
-    add_scaled(1.0, m.change, m.s, m.length)
+    add_scaled(1.0, m.change, m.s, m.rows + m.p)
     add_scaled(1.0, m.ratio, m.multiplier, m.k)
 
 
 def judge(m):
     """Measure the point; refine it as long as that is needed and pays."""
     error = INFINITY
+    least = ACCURATE if m.length > m.m else FRESH
     for turn in range(CORRECTIONS + 1):
         set_point(m)
         m.set_products(not clip_point(m) and m.k == 0 and m.pivots == 0)
         before, error = error, measure_point(m)
-        is_fine: cython.bint = error <= ACCURATE and are_within(m, ROUNDING)
+        is_fine: cython.bint = error <= least and are_within(m, ROUNDING)
         if is_fine or turn == CORRECTIONS or not error <= GAIN * before:
             break
         if m.on_face:  # which the other form refines
