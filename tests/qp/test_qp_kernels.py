@@ -175,13 +175,17 @@ def test_newton_systems_are_refined():
     assert better < 0.1 * crude
 
 
+@pytest.mark.parametrize("soft", [0, 5])
 @pytest.mark.parametrize(("m", "first", "wrong"), [(200, 0, -1e3), (7, 20, 1e3)])
-def test_full_rows_are_condensed(m, first, wrong):
+def test_full_rows_are_condensed(m, first, wrong, soft):
     """The factors are other ones, of the smaller part, and solve the same systems."""
     rng = np.random.default_rng(0)
-    n, p = 20, 5
-    G, A = rng.standard_normal((m, n)), rng.standard_normal((p, n))
-    G[rng.random((m, n)) < 0.3] = 0.0
+    width, p = 20, 5
+    n = width + soft  # the last ones are shifts of soft rows
+    G, A = rng.standard_normal((m, width)), rng.standard_normal((p, width))
+    G[rng.random((m, width)) < 0.3] = 0.0
+    G = np.hstack((G, -np.eye(m)[:, rng.permutation(m)[:soft]]))
+    A = np.hstack((A, np.zeros((p, soft))))
     qp = make_qp(np.eye(n), np.ones(n), G, np.ones(m), A, np.ones(p))
     kkt = ScaledQP(presolve(qp, 1e-9, 0.0)).kkt
     factors = kkt.plan(condense=True)
@@ -190,9 +194,9 @@ def test_full_rows_are_condensed(m, first, wrong):
     K = upper_triangle_of(kkt).toarray()
     K += np.triu(K, 1).T
     rhs = rng.random(n + p + m)
-    assert factors.entries == min(n, p + m) * (n + p + m)
+    assert factors.entries == min(width, p + m) * (n + p + m)
     np.testing.assert_allclose(K @ factors.solve(rhs), rhs, atol=1e-10)
-    kkt.data[kkt.diagonal[first]] = wrong
+    kkt.data[kkt.diagonal[first + soft * (first > 0)]] = wrong
     with pytest.raises(ValueError, match="vanishes"):
         factors.refactor(kkt.data)
 

@@ -22,12 +22,15 @@ cdef enum:
 
 cdef class Condensed(Factors):
     cdef:
-        # The sizes of C, of S and of the eliminated part; where these parts begin.
-        Py_ssize_t columns, rows, width, others, kept, gone
+        # All variables, those of C; the sizes of C, of S and of the eliminated part, and
+        # where these parts begin.
+        Py_ssize_t variables, columns, rows, width, others, kept, gone
         double sign
-        # The pattern of K~; S, R, and D with ones for the part kept; work space.
+        # Of each lone variable: its row, the place of c and c / d; the pattern of K~; S, R,
+        # and D, ones for the part kept and 1 / d for lone variables; work space.
+        const Py_ssize_t *row, *entry
         const int *indptr, *indices
-        double *S, *R, *D, *y, *u
+        double *S, *R, *D, *y, *u, *slope
         tuple arrays
 
     cdef bint factor_values(self, double* data, Watched watch) noexcept nogil

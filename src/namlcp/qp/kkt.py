@@ -31,7 +31,7 @@ from namlcp.linalg.factors import plan_factors
 from namlcp.qp.problem import Point
 
 # Rows are condensed where they are as many as variables, and have this part of entries
-# that are not zero.
+# that are not zero, without the last variables of one entry each.
 FULL = 0.5
 # The largest |1 - largest entry| that ends the rounds: with 1e-3 there are twice as
 # many, with 0.1 two problems of the Maros-Meszaros collection need more restarts.
@@ -80,10 +80,11 @@ class KKT:
         """
         if self.factors is None:
             n, rows = self.n, self.size - self.n
-            entries = self.indptr[self.size] - self.indptr[n] - rows
-            can_condense = n <= rows or self.indptr[n] == n
-            if condense and can_condense and entries >= FULL * n * rows > 0:
-                self.factors = Condensed(self.indptr, self.indices, n)
+            width = first_alone(self.indptr, self.indices, n)
+            entries = self.indptr[self.size] - self.indptr[n] - rows - (n - width)
+            can_condense = width <= rows or self.indptr[width] == width
+            if condense and can_condense and entries >= FULL * width * rows > 0:
+                self.factors = Condensed(self.indptr, self.indices, n, width)
             else:
                 self.factors = plan_factors(self.indptr, self.indices, deadline)
         return self.factors
@@ -103,71 +104,103 @@ class Condensed(Factors):
     The rows are eliminated, S = H + R'R with R = D C, D^2 = 1 / V, sign = 1; or, where
     they are fewer than variables and H is diagonal, the variables, S = V + R R' with
     R = C D, D^2 = 1 / H, sign = -1. All diagonal entries of H and V are positive.
+    Before, lone variables are, the last ones, like the shifts of soft rows: one with
+    the diagonal entry d and the coefficient c in its row adds c^2 / d to V there.
     """
 
-    def __init__(self, indptr, indices, n):
+    def __init__(self, indptr, indices, variables, n):
         Factors.__init__(self, indptr)
-        rows = self.n - n
-        self.columns, self.rows = n, rows
+        rows, lone, start = self.n - variables, variables - n, indptr[variables]
+        self.variables, self.columns, self.rows = variables, n, rows
         self.width, self.others = min(n, rows), max(n, rows)
-        self.kept, self.gone = (0, n) if n <= rows else (n, 0)
+        self.kept, self.gone = (0, variables) if n <= rows else (variables, 0)
         self.sign = 1.0 if n <= rows else -1.0
         self.entries = self.width * self.n
+        at = start + np.flatnonzero((indices[start:] >= n) & (indices[start:] < variables))
+        at = at[np.argsort(indices[at])].astype(np.intp)
+        row = np.searchsorted(indptr, at, "right") - 1
         square, full = self.width * self.width, rows * n
-        parts = np.empty(square), np.zeros(full), np.ones(self.n), np.empty(2 * self.n)
-        self.arrays = indptr, indices, *parts
+        parts = np.empty(square), np.zeros(full), np.ones(self.n), np.empty(3 * self.n)
+        self.arrays = indptr, indices, at, row, *parts
         self.indptr = places(indptr, self.n + 1)
         self.indices = places(indices, self.nnz)
+        self.entry, self.row = longs(at, lone), longs(row, lone)
         self.S, self.R = numbers(parts[0], square), numbers(parts[1], full)
-        self.D, self.y = numbers(parts[2], self.n), numbers(parts[3], 2 * self.n)
-        self.u = self.y + self.n
+        self.D, self.y = numbers(parts[2], self.n), numbers(parts[3], 3 * self.n)
+        self.u, self.slope = self.y + self.n, self.y + 2 * self.n
 
     def factor_values(self, data, watch):
         n, width, S, R, D = self.columns, self.width, self.S, self.R, self.D
-        kept, gone, others = self.kept, self.gone, self.others
+        kept, gone, others, indptr = self.kept, self.gone, self.others, self.indptr
+        first = self.variables
+        for i in range(first, self.n):
+            D[i] = data[indptr[i + 1] - 1]
+        for k in range(first - n):
+            i, d = self.row[k], data[indptr[n + k]]
+            self.slope[k] = data[self.entry[k]] / d
+            D[i] -= data[self.entry[k]] * self.slope[k]
+            D[n + k] = 1.0 / d
         fill(S, 0.0, width * width)
         for j in range(width):
-            last = self.indptr[kept + j + 1] - 1
-            for t in range(self.indptr[j] if kept == 0 else last, last + 1):
-                S[j * width + self.indices[t] - kept] = self.sign * data[t]
+            if kept > 0:
+                S[j * width + j] = -D[kept + j]
+                D[kept + j] = 1.0
+            else:
+                for t in range(indptr[j], indptr[j + 1]):
+                    S[j * width + self.indices[t]] = data[t]
+                D[j] = 1.0
         for i in range(gone, gone + others):
-            D[i] = sqrt(-self.sign / data[self.indptr[i + 1] - 1])
+            D[i] = sqrt(1.0 / data[indptr[i + 1] - 1]) if gone == 0 else sqrt(-1.0 / D[i])
         for i in range(self.rows):
-            row, start = R + i * n, self.indptr[n + i]
-            count = self.indptr[n + i + 1] - 1 - start
-            if count == n:  # by vectors
+            row, start = R + i * n, indptr[first + i]
+            count = indptr[first + i + 1] - 1 - start
+            if count == n and self.indices[start + n - 1] == n - 1:  # by vectors
                 for j in range(n):
-                    row[j] = D[n + i] * D[j] * data[start + j]
+                    row[j] = D[first + i] * D[j] * data[start + j]
                 continue
             for t in range(start, start + count):
                 j = self.indices[t]
-                row[j] = D[n + i] * D[j] * data[t]
-        first: Py_ssize_t = 0
-        while first < others:
-            count = min(BLOCK, others - first)
+                if j < n:
+                    row[j] = D[first + i] * D[j] * data[t]
+        begin: Py_ssize_t = 0
+        while begin < others:
+            count = min(BLOCK, others - begin)
             if is_over(watch, count * width * width):
                 return False
             if kept == 0:
-                add_gram(R + first * n, count, n, n, b"N", 1.0, S, n)
+                add_gram(R + begin * n, count, n, n, b"N", 1.0, S, n)
             else:
-                add_gram(R + first, width, count, n, b"T", 1.0, S, width)
-            first += count
+                add_gram(R + begin, width, count, n, b"T", 1.0, S, width)
+            begin += count
         return cholesky(S, width)
 
     def solve_into(self, rhs, x):
         n, rows, D, y, u = self.columns, self.rows, self.D, self.y, self.u
         kept, gone, width, others = self.kept, self.gone, self.width, self.others
+        lone = self.variables - n
+        copy(rhs, x, self.n)
+        for k in range(lone):
+            x[self.row[k]] -= self.slope[k] * x[n + k]
         for i in range(others):
-            y[i] = D[gone + i] * rhs[gone + i]
+            y[i] = D[gone + i] * x[gone + i]
         blas_times(self.R, rows, n, y, u, b"N" if kept == 0 else b"T")
         for j in range(width):
-            u[j] += self.sign * rhs[kept + j]
+            u[j] += self.sign * x[kept + j]
         forward_solve(self.S, width, u)
         backward_solve(self.S, width, u)
         copy(u, x + kept, width)
         blas_times(self.R, rows, n, x + kept, u, b"T" if kept == 0 else b"N")
         for i in range(others):
             x[gone + i] = self.sign * D[gone + i] * (u[i] - y[i])
+        for k in range(lone):
+            x[n + k] = D[n + k] * x[n + k] - self.slope[k] * x[self.row[k]]
+
+
+def first_alone(indptr, indices, n):
+    """Return from where on variables are in one row each, and not tied by P."""
+    is_alone = np.diff(indptr[: n + 1]) == 1
+    is_alone &= np.bincount(indices, minlength=n)[:n] == 2
+    return 1 + np.flatnonzero(~is_alone).max(initial=-1)
 
 
 def upper_triangle(P, A, G, starts, rows, values):
