@@ -48,6 +48,23 @@ def new_vector(size):
     return cnp.PyArray_EMPTY(1, cython.address(size), cnp.NPY_DOUBLE, 0)
 
 
+def new_places(size):
+    return cnp.PyArray_EMPTY(1, cython.address(size), cnp.NPY_INT32, 0)
+
+
+def same_places(size, value):
+    """Return places that are all the same."""
+    array = new_places(size)
+    place = cython.cast(cython.p_int, cnp.PyArray_DATA(array))
+    for i in range(size):
+        place[i] = value
+    return array
+
+
+def new_indices(size):
+    return cnp.PyArray_EMPTY(1, cython.address(size), cnp.NPY_INTP, 0)
+
+
 def data_of(array):
     """Return where the entries are of an array that `fits`, which is not checked."""
     return cython.cast(cython.p_double, cnp.PyArray_DATA(array))
@@ -147,23 +164,30 @@ def dense_asymmetry(P):
 
 def sparse_asymmetry(indptr, indices, data):
     """Return (max |P - P'|, max |P|) of a canonical square CSR or CSC matrix."""
-    n = indptr.shape[0] - 1
-    gap, size = 0.0, 0.0
-    starts, places, entries = transposed(indptr, indices, data, n)
-    turned: cython.int[::1] = starts
-    columns: cython.int[::1] = places
-    values: cython.double[::1] = entries
-    for i in range(n):
-        s: Py_ssize_t = indptr[i]
-        t: Py_ssize_t = turned[i]
-        while s < indptr[i + 1] or t < turned[i + 1]:  # a row of P and one of P'
-            j = indices[s] if s < indptr[i + 1] else n
-            k = columns[t] if t < turned[i + 1] else n
-            value = data[s] if j <= k else 0.0
-            other = values[t] if k <= j else 0.0
-            gap, size = max(gap, fabs(value - other)), max(size, fabs(value))
-            s += j <= k
-            t += k <= j
+    n: Py_ssize_t = indptr.size - 1
+    nnz: Py_ssize_t = data.size
+    start, row, value = places(indptr, n + 1), places(indices, nnz), numbers(data, nnz)
+    room = new_places(n)
+    following = places(room, n)  # after what has been met of each upper column
+    gap = size = 0.0
+    for j in range(n):
+        following[j] = start[j]
+    for j in range(n):
+        for t in range(start[j], start[j + 1]):
+            i = row[t]
+            size = max(size, fabs(value[t]))
+            if i < j and t >= following[j]:  # alone
+                gap = max(gap, fabs(value[t]))
+            elif i > j:
+                s, end = following[i], start[i + 1]
+                while s < end and row[s] < j:  # alone
+                    gap = max(gap, fabs(value[s]))
+                    s += 1
+                other = 0.0
+                if s < end and row[s] == j:
+                    other = value[s]
+                    s += 1
+                gap, following[i] = max(gap, fabs(value[t] - other)), s
     return gap, size
 
 
@@ -177,17 +201,21 @@ def index_order(indptr, indices, major, minor):
     every column, so that there are no duplicates.
     """
     order = CANONICAL
-    if indptr.shape[0] != major + 1 or indptr[0] != 0:
+    size: Py_ssize_t = indices.size
+    if indptr.size != major + 1:
+        return CORRUPT
+    start, place = places(indptr, major + 1), places(indices, size)
+    if start[0] != 0:
         return CORRUPT
     for j in range(major):
-        if indptr[j + 1] < indptr[j]:
+        if start[j + 1] < start[j]:
             return CORRUPT
-    if indptr[major] > indices.shape[0]:
+    if start[major] > size:
         return CORRUPT
     for j in range(major):
         before = -1
-        for t in range(indptr[j], indptr[j + 1]):
-            i = indices[t]
+        for t in range(start[j], start[j + 1]):
+            i = place[t]
             if i < 0 or i >= minor:
                 return CORRUPT
             if i <= before:
@@ -198,8 +226,8 @@ def index_order(indptr, indices, major, minor):
 
 def narrowed(indices):
     """Return indices of 64 bits in 32, None if one does not fit."""
-    found = np.empty(indices.shape[0], np.int32)
-    short: cython.int[::1] = found
+    found = new_places(indices.shape[0])
+    short = places(found, indices.shape[0])
     for t in range(indices.shape[0]):
         short[t] = indices[t]
         if short[t] != indices[t]:
@@ -209,34 +237,34 @@ def narrowed(indices):
 
 def transposed(indptr, indices, data, rows):
     """Return (indptr, indices, data) of M' for M in CSC with that many rows."""
-    end = indptr[indptr.shape[0] - 1]
-    starts = np.zeros(rows + 1, np.int32)
-    places, entries = np.empty(end, np.int32), np.empty(end)
-    turned: cython.int[::1] = starts
-    columns: cython.int[::1] = places
-    values: cython.double[::1] = entries
+    n: Py_ssize_t = indptr.size - 1
+    size: Py_ssize_t = indices.size
+    start, row = places(indptr, n + 1), places(indices, size)
+    value = numbers(data, size)
+    end = start[n]
+    found = same_places(rows + 1, 0), new_places(end), new_vector(end)
+    turned, columns = places(found[0], rows + 1), places(found[1], end)
+    values = numbers(found[2], end)
     for t in range(end):
-        turned[indices[t]] += 1
+        turned[row[t]] += 1
     for i in range(rows):  # turned[i] is the end of column i, then its beginning
         turned[i + 1] += turned[i]
-    for j in range(indptr.shape[0] - 2, -1, -1):
-        for t in range(indptr[j + 1] - 1, indptr[j] - 1, -1):
-            k = turned[indices[t]] - 1
+    for j in range(n - 1, -1, -1):
+        for t in range(start[j + 1] - 1, start[j] - 1, -1):
+            k = turned[row[t]] - 1
             columns[k] = j
-            values[k] = data[t]
-            turned[indices[t]] = k
-    return starts, places, entries
+            values[k] = value[t]
+            turned[row[t]] = k
+    return found
 
 
 def compressed(C):
     """Return the CSC arrays (indptr, indices, data) of a dense matrix."""
     rows, columns = C.shape[0], C.shape[1]
     count = np.count_nonzero(C)
-    starts = np.zeros(columns + 1, np.int32)
-    places, entries = np.empty(count, np.int32), np.empty(count)
-    indptr: cython.int[::1] = starts
-    indices: cython.int[::1] = places
-    data: cython.double[::1] = entries
+    found = same_places(columns + 1, 0), new_places(count), new_vector(count)
+    indptr, indices = places(found[0], columns + 1), places(found[1], count)
+    data = numbers(found[2], count)
     k: Py_ssize_t = 0
     for j in range(columns):
         for i in range(rows):
@@ -245,7 +273,7 @@ def compressed(C):
                 data[k] = C[i, j]
                 k += 1
         indptr[j + 1] = k
-    return starts, places, entries
+    return found
 
 
 # Matrices that `from_arrays` copies; that their format is canonical is noted in them.

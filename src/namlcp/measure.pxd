@@ -43,7 +43,7 @@ cpdef tuple residuals_of_columns(object qp, object point)
 cdef tuple in_order(const Terms* t)
 cpdef double largest_ratio(object found, double eps_abs, double eps_rel) except? -1
 cpdef double signed_gap(object qp, object point, object Px) except? -1
-cpdef tuple on_bounds(const double[::1] x, const double[::1] z_box, const double[::1] lb, const double[::1] ub, bint moves)
+cpdef tuple on_bounds(object x, object z_box, object lb, object ub, bint moves)
 cpdef double natural_squares(object z, object w, object lower, object upper) except? -1
 cpdef tuple natural_residuals(object z, object w, object lower, object upper, object d)
 cdef (double, double) both_residuals(const double* z, const double* w, const double* lower, const double* upper, const double* d, Py_ssize_t n) noexcept nogil

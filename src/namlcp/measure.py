@@ -5,7 +5,6 @@ the active-set method with the products it has at hand.
 """
 
 import cython
-import numpy as np
 from cython import Py_ssize_t
 from cython.cimports.libc.math import INFINITY, NAN, fabs, isinf, sqrt
 
@@ -190,22 +189,24 @@ def on_bounds(x, z_box, lb, ub, moves):
     moves: also, x_j is the bound that z_box_j holds it at, where that is no further
     than |z_box_j|, and z_box_j = 0 elsewhere.
     """
-    n = x.shape[0]
-    point, multipliers = np.empty(n), np.empty(n)
-    new: cython.double[::1] = point
-    new_box: cython.double[::1] = multipliers
+    n: Py_ssize_t = x.size
+    old, box = numbers(x, n), numbers(z_box, n)
+    low, high = numbers(lb, n), numbers(ub, n)
+    point, multipliers = new_vector(n), new_vector(n)
+    new, new_box = data_of(point), data_of(multipliers)
     for j in range(n):
-        new[j], new_box[j] = x[j], z_box[j]
-        if lb[j] > ub[j]:  # within the tolerance of both, as they have to be
+        new[j], new_box[j] = old[j], box[j]
+        if low[j] > high[j]:  # within the tolerance of both, as they have to be
             continue
-        least = z_box[j] if lb[j] > -INFINITY else 0.0
-        most = z_box[j] if ub[j] < INFINITY else 0.0
-        new[j], new_box[j] = clip(x[j], lb[j], ub[j]), min(least, 0.0) + max(most, 0.0)
+        least = box[j] if low[j] > -INFINITY else 0.0
+        most = box[j] if high[j] < INFINITY else 0.0
+        new_box[j] = min(least, 0.0) + max(most, 0.0)
+        new[j] = clip(old[j], low[j], high[j])
         if moves:
-            if x[j] - lb[j] <= -z_box[j]:
-                new[j], new_box[j] = lb[j], min(z_box[j], 0.0)
-            elif ub[j] - x[j] <= z_box[j]:
-                new[j], new_box[j] = ub[j], max(z_box[j], 0.0)
+            if old[j] - low[j] <= -box[j]:
+                new[j], new_box[j] = low[j], min(box[j], 0.0)
+            elif high[j] - old[j] <= box[j]:
+                new[j], new_box[j] = high[j], max(box[j], 0.0)
             else:
                 new_box[j] = 0.0
     return point, multipliers

@@ -1,4 +1,4 @@
-from namlcp.arrays cimport are_places, fits, indices as longs, numbers, places
+from namlcp.arrays cimport are_places, fits, indices as longs, new_places, new_vector, numbers, places, same_places
 
 cdef struct Columns:
     # A sparse matrix in CSC.

@@ -1,4 +1,4 @@
-from namlcp.arrays cimport indices as longs, places
+from namlcp.arrays cimport indices as longs, new_places, places, same_places
 from namlcp.limits cimport Watched, is_over, raise_kept
 
 cdef double ABOVE_ROOT, ABOVE_MEAN, OPERATIONS

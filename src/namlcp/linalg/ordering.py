@@ -27,7 +27,7 @@ from cython.cimports.libc.math import sqrt
 from cython.cimports.libc.stdlib import free, malloc, realloc
 from scipy.sparse import csc_matrix, triu
 
-from namlcp.checks import constant, refuse_size, transposed
+from namlcp.checks import refuse_size, transposed
 from namlcp.limits import NEVER, OutOfTime
 
 # Neighbours of a hub at least, relative to the square root of the order, and to the
@@ -79,7 +79,7 @@ class Supernodes(NamedTuple):
 def minimum_degree(indptr, indices, deadline=NEVER):
     """Return an `Order` of a symmetric matrix; OutOfTime if the deadline is reached."""
     size: Py_ssize_t = indptr.size - 1
-    place = np.empty(size, np.int32)
+    place = new_places(size)
     columns, rows = places(indptr, size + 1), places(indices, indices.size)
     to, watch = places(place, size), Watched()
     watch.until = deadline.at
@@ -422,8 +422,9 @@ def postordered(indptr, indices, place):
     columns, rows, _ = permuted(indptr, indices, place, True)
     parent, counts = elimination_tree(columns, rows)
     size: Py_ssize_t = place.size
-    found, room = np.empty((3, size), np.int32), np.empty(4 * size + 2, np.int32)
-    new, to = places(found, 3 * size), places(room, 4 * size + 2)
+    found, room = [new_places(size) for _ in range(3)], new_places(4 * size + 2)
+    new, to = places(found[0], size), places(room, 4 * size + 2)
+    new_parent, new_count = places(found[1], size), places(found[2], size)
     old, above, below = places(place, size), places(parent, size), places(counts, size)
     postorder(size, above, to, to + size)
     entries: Py_ssize_t = 0
@@ -431,8 +432,8 @@ def postordered(indptr, indices, place):
     for j in range(size):
         k = to[j]
         new[j] = to[old[j]]
-        new[size + k] = to[above[j]] if above[j] >= 0 else -1
-        new[2 * size + k] = below[j]
+        new_parent[k] = to[above[j]] if above[j] >= 0 else -1
+        new_count[k] = below[j]
         entries += below[j]
         work += cython.cast(cython.double, below[j]) * below[j]
     return Order(*found, entries, work)
@@ -446,7 +447,7 @@ def permuted(indptr, indices, place, is_strict):
     """
     n: Py_ssize_t = place.size
     least = 1 if is_strict else 0
-    starts = np.zeros(n + 1, np.int32)
+    starts = same_places(n + 1, 0)
     begin, other = places(indptr, n + 1), places(indices, indices.size)
     start, new = places(starts, n + 1), places(place, n)
     for j in range(n):
@@ -457,7 +458,7 @@ def permuted(indptr, indices, place, is_strict):
     for k in range(n):  # start[k] is the end of column k, then its beginning
         start[k + 1] += start[k]
     count = start[n]
-    rows, sources = np.empty((2, count), np.int32)
+    rows, sources = new_places(count), new_places(count)
     row, source = places(rows, count), places(sources, count)
     for j in range(n - 1, -1, -1):
         for t in range(begin[j + 1] - 1, begin[j] - 1, -1):
@@ -476,13 +477,10 @@ def elimination_tree(indptr, indices):
     Each entry (k, i) of L is followed up the tree to a column that row k has seen.
     """
     size: Py_ssize_t = indptr.size - 1
-    parents, counts = constant(size, -1, np.int32), np.zeros(size, np.int32)
-    room = np.empty(size, np.int32)
-    parent, count, seen = (
-        places(parents, size),
-        places(counts, size),
-        places(room, size),
-    )
+    parents, counts = same_places(size, -1), same_places(size, 0)
+    room = new_places(size)
+    parent, count = places(parents, size), places(counts, size)
+    seen = places(room, size)
     begin, rows = places(indptr, size + 1), places(indices, indices.size)
     for k in range(size):
         seen[k] = k

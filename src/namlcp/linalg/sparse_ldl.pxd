@@ -1,4 +1,4 @@
-from namlcp.arrays cimport data_of, indices as longs_at, new_vector, numbers, places
+from namlcp.arrays cimport data_of, indices as longs_at, new_indices, new_places, new_vector, numbers, places
 from namlcp.limits cimport Watched, is_over, raise_kept
 from namlcp.linalg.ordering cimport append_rows
 

@@ -89,18 +89,19 @@ class SparseFactors(Factors):
         n, entries = self.n, self.entries
         triangle = permuted(indptr, indices, order.place, True)
         columns, rows, source = triangle
-        ints, longs = np.empty((3, n), np.int32), np.empty((3, n + 1), np.intp)
-        below, chunks = np.empty((2, entries), np.int32)
-        values, reals = np.empty(entries), np.empty((2, n))
+        ints, longs = new_places(3 * n), new_indices(3 * (n + 1))
+        below, chunks = new_places(entries), new_places(entries)
+        values, reals = new_vector(entries), new_vector(2 * n)
         self.arrays = order.place, triangle, ints, longs, below, chunks, values, reals
         self.place, self.columns = places(order.place, n), places(columns, n + 1)
         self.rows, self.source = places(rows, rows.size), places(source, source.size)
-        self.diagonal, self.width = places(ints[0], n), places(ints[1], n)
-        self.starts, self.lines = longs_at(longs[0], n + 1), longs_at(longs[1], n + 1)
-        self.done, self.reach = longs_at(longs[2], n + 1), places(ints[2], n)
+        self.diagonal, self.starts = places(ints, 3 * n), longs_at(longs, 3 * (n + 1))
+        self.width, self.reach = self.diagonal + n, self.diagonal + 2 * n
+        self.lines, self.done = self.starts + n + 1, self.starts + 2 * (n + 1)
         self.below, self.chunks = places(below, entries), places(chunks, entries)
         self.values = numbers(values, entries)
-        self.inverse, self.y = numbers(reals[0], n), numbers(reals[1], n)
+        self.inverse = numbers(reals, 2 * n)
+        self.y = self.inverse + n
         ends, parent = places(indptr, n + 1), places(order.parent, n)
         counts = places(order.counts, n)
         with cython.nogil:

@@ -1,1 +1,3 @@
-cpdef bint is_box_open(const double[::1] lower, const double[::1] upper)
+from namlcp.arrays cimport numbers
+
+cpdef bint is_box_open(object lower, object upper) except -1

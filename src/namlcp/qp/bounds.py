@@ -9,6 +9,7 @@ z_box <= 0 at lb, >= 0 at ub          w >= 0 at lower, <= 0 at upper
 ray x, q'x = -1                       ray v, q'v = -1 (no solution)
 """
 
+from cython import Py_ssize_t
 from cython.cimports.libc.math import INFINITY
 
 from namlcp.checks import as_sparse
@@ -24,8 +25,10 @@ from namlcp.status import Status
 
 def is_box_open(lower, upper):
     """Tell whether the box has a finite point."""
-    for j in range(lower.shape[0]):
-        if lower[j] > upper[j] or lower[j] == INFINITY or upper[j] == -INFINITY:
+    n: Py_ssize_t = lower.size
+    low, high = numbers(lower, n), numbers(upper, n)
+    for j in range(n):
+        if low[j] > high[j] or low[j] == INFINITY or high[j] == -INFINITY:
             return False
     return True
 

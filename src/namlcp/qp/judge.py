@@ -191,12 +191,11 @@ class Judge:
 
 def are_own(given, qp):
     """Tell whether (P, G, A) as they came are stored as those of the QP."""
-    return all(
-        M is None
-        or M is own
-        or (getattr(M, "format", "") == "csc" and M.data is own.data)
-        for M, own in zip(given, (qp.P, qp.G, qp.A), strict=True)
-    )
+    for M, own in zip(given, (qp.P, qp.G, qp.A), strict=True):
+        if M is not None and M is not own:
+            if getattr(M, "format", "") != "csc" or M.data is not own.data:
+                return False
+    return True
 
 
 def norm(M):

@@ -1,4 +1,5 @@
-from namlcp.arrays cimport indices as longs, numbers, places
+from namlcp.arrays cimport indices as longs, new_indices, new_places, new_vector
+from namlcp.arrays cimport numbers, places, same_places
 from namlcp.limits cimport Watched, is_over
 from namlcp.linalg.blas cimport add_gram, blas_times, cholesky
 from namlcp.linalg.csc cimport Columns, take_columns
@@ -36,6 +37,7 @@ cdef class Condensed(Factors):
     cdef bint factor_values(self, double* data, Watched watch) noexcept nogil
     cdef void solve_into(self, double* rhs, double* x) noexcept nogil
 
+cdef Py_ssize_t first_alone(object indptr, object indices, Py_ssize_t n) except -1
 cdef int upper_triangle(object P, object A, object G, object starts, object rows, object values) except -1
 cdef int hand_on(object problem, object y, object Z, object y_full, object z_full, object z_box) except -1
 cdef tuple find_finite(object small, object units)

@@ -58,14 +58,13 @@ class KKT:
         self.size = self.n + A.indptr.size + G.indptr.size - 2
         entries = P.data.size + A.data.size + G.data.size + self.size
         refuse_size("the KKT matrix", entries)
-        self.indptr = np.empty(self.size + 1, dtype=np.int32)
-        self.indices, self.base = np.empty(entries, dtype=np.int32), np.empty(entries)
+        self.indptr = new_places(self.size + 1)
+        self.indices, self.base = new_places(entries), new_vector(entries)
         upper_triangle(P, A, G, self.indptr, self.indices, self.base)
         entries = self.indptr[self.size]
         self.indices, self.base = self.indices[:entries], self.base[:entries]
         self.diagonal = self.indptr[1:] - 1
-        self.data = np.empty(entries)
-        self.factors = None
+        self.data, self.factors = new_vector(entries), None
         self.factored = constant(self.size, np.nan)  # unlike any numbers
         if last is not None and (
             np.array_equal(last.indptr, self.indptr)
@@ -116,7 +115,8 @@ class Condensed(Factors):
         self.kept, self.gone = (0, variables) if n <= rows else (variables, 0)
         self.sign = 1.0 if n <= rows else -1.0
         self.entries = self.width * self.n
-        at = start + np.flatnonzero((indices[start:] >= n) & (indices[start:] < variables))
+        of_rows = indices[start:]
+        at = start + np.flatnonzero((of_rows >= n) & (of_rows < variables))
         at = at[np.argsort(indices[at])].astype(np.intp)
         row = np.searchsorted(indptr, at, "right") - 1
         square, full = self.width * self.width, rows * n
@@ -150,7 +150,7 @@ class Condensed(Factors):
                     S[j * width + self.indices[t]] = data[t]
                 D[j] = 1.0
         for i in range(gone, gone + others):
-            D[i] = sqrt(1.0 / data[indptr[i + 1] - 1]) if gone == 0 else sqrt(-1.0 / D[i])
+            D[i] = sqrt(-1.0 / D[i] if gone > 0 else 1.0 / data[indptr[i + 1] - 1])
         for i in range(self.rows):
             row, start = R + i * n, indptr[first + i]
             count = indptr[first + i + 1] - 1 - start
@@ -198,9 +198,16 @@ class Condensed(Factors):
 
 def first_alone(indptr, indices, n):
     """Return from where on variables are in one row each, and not tied by P."""
-    is_alone = np.diff(indptr[: n + 1]) == 1
-    is_alone &= np.bincount(indices, minlength=n)[:n] == 2
-    return 1 + np.flatnonzero(~is_alone).max(initial=-1)
+    most: Py_ssize_t = indices.size
+    counts = same_places(n, 0)
+    count, index = places(counts, n), places(indices, most)
+    start = places(indptr, indptr.size)
+    for t in range(most):
+        if index[t] < n:
+            count[index[t]] += 1
+    while n > 0 and start[n] - start[n - 1] == 1 and count[n - 1] == 2:
+        n -= 1
+    return n
 
 
 def upper_triangle(P, A, G, starts, rows, values):
@@ -262,7 +269,7 @@ class ScaledQP:
             self.kkt = KKT(small.P, small.A, small.G, old)
             self.scale = constant(self.kkt.size, 1.0)
             matrix = self.kkt.indptr, self.kkt.indices, self.kkt.base
-            if not small.P.data.any():
+            if not np.count_nonzero(small.P.data):
                 even_out(*matrix, self.scale, self.kkt.data)
             equilibrate(*matrix, self.scale)
             if old is not None and np.array_equal(old.base, self.kkt.base):
@@ -276,11 +283,11 @@ class ScaledQP:
     def point(self, x, y, Z, data=1.0):
         """Return the point of the QP before presolve."""
         small, qp = self.small, self.small.qp
-        full, y_full, z, z_box = qp.point()
+        x, y_full, z, z_box = qp.point(x * self.unit[: self.n])
         hand_on(self, y, Z, y_full, z, z_box)
-        x = x * self.unit[: self.n]
         if not small.fixed.size:
             return Point(x, y_full, z, z_box)
+        full = np.empty(qp.q.size)
         full[small.kept], full[small.fixed] = x, data * small.x_fixed
         gradient = times(qp.P, full) + data * qp.q
         add_transposed(qp.A, y_full, gradient)
@@ -352,10 +359,10 @@ def find_finite(small, units):
     sides, unit = numbers(small.sides, 2 * rows), numbers(units, n + p + rows)
     row, column = longs(small.side_of, 2 * rows), longs(small.kept, n)
     ub, lb = numbers(small.ub, n), numbers(small.lb, n)
-    givers, where = np.empty(size, np.intp), np.empty(size, np.int32)
-    giver, place, parts = longs(givers, size), places(where, size), np.empty((2, size))
-    sign = numbers(parts, 2 * size)
-    c = sign + size
+    givers, where = new_indices(size), new_places(size)
+    giver, place = longs(givers, size), places(where, size)
+    signs, values = new_vector(size), new_vector(size)
+    sign, c = numbers(signs, size), numbers(values, size)
     count: Py_ssize_t = 0
     for i in range(size):
         j = i - 2 * rows
@@ -372,7 +379,7 @@ def find_finite(small, units):
             giver[count], place[count] = by, j
             sign[count], c[count] = 1.0 if is_upper else -1.0, side / unit[j]
             count += 1
-    return givers[:count], where[:count], parts[0, :count], parts[1, :count]
+    return givers[:count], where[:count], signs[:count], values[:count]
 
 
 def equilibrate(indptr, indices, data, scale):
@@ -382,7 +389,7 @@ def equilibrate(indptr, indices, data, scale):
     """
     K: Matrix
     size: Py_ssize_t = scale.size
-    work, factor = np.empty(size), numbers(scale, size)
+    work, factor = new_vector(size), numbers(scale, size)
     K.lines, K.starts, count = size, places(indptr, size + 1), indices.size
     K.others, entry = places(indices, count), numbers(data, count)
     K.values = entry

@@ -91,10 +91,7 @@ class Presolved(NamedTuple):
 def presolve(qp, eps_abs, eps_rel, last=None):
     """Return the smaller problem, P in CSC; reuse matrices of `last` if equal."""
     _, q, _, h, _, b, lb, ub = qp
-    stays = constant(q.size, True, np.bool_)
-    find_fixed(lb, ub, stays.view(np.int8))
-    kept, fixed = stays.nonzero()[0], (~stays).nonzero()[0]
-    x_fixed = 0.5 * (lb[fixed] + ub[fixed])
+    kept, fixed, x_fixed = split_columns(lb, ub)
     if fixed.size:
         held = np.zeros(q.size)
         held[fixed] = x_fixed
@@ -124,14 +121,24 @@ def presolve(qp, eps_abs, eps_rel, last=None):
     )  # fmt: skip
 
 
-def find_fixed(lb, ub, stays):
-    """Clear the marks of the columns that their bounds fix."""
-    n: Py_ssize_t = stays.size
-    lower, upper, mark = numbers(lb, n), numbers(ub, n), signs(stays, n)
+def split_columns(lb, ub):
+    """Return the columns to keep, those that their bounds fix, and the values there."""
+    n: Py_ssize_t = lb.size
+    lower, upper = numbers(lb, n), numbers(ub, n)
+    kept, fixed, values = new_indices(n), new_indices(n), new_vector(n)
+    keep, fix, value = longs(kept, n), longs(fixed, n), numbers(values, n)
+    count: Py_ssize_t = 0
+    held: Py_ssize_t = 0
     for j in range(n):
-        if fabs(lower[j]) < INFINITY and fabs(upper[j]) < INFINITY:
-            mark[j] = not upper[j] - lower[j] <= FIXED * max(1.0, fabs(lower[j]))
-    return 0
+        low, high = lower[j], upper[j]
+        is_finite: cython.bint = fabs(low) < INFINITY and fabs(high) < INFINITY
+        if is_finite and high - low <= FIXED * max(1.0, fabs(low)):
+            fix[held], value[held] = j, 0.5 * (low + high)
+            held += 1
+        else:
+            keep[count] = j
+            count += 1
+    return kept[:count], fixed[:held], values[:held]
 
 
 def merged(name, count, groups, values, tol):
@@ -173,14 +180,17 @@ def leading_rows(M, columns, sides):
     most: Py_ssize_t = M.size
     refuse_size("a matrix by rows", most)
     take_matrix(M, cython.address(C))
-    numbered = constant(M.shape[1], -1, np.int32)
-    numbered[columns] = np.arange(n)
-    column, side = places(numbered, numbered.size), numbers(sides, m)
+    width: Py_ssize_t = M.shape[1]
+    numbered, kept = same_places(width, -1), longs(columns, n)
+    column, side = places(numbered, width), numbers(sides, m)
+    for k in range(n):
+        column[kept[k]] = k
     is_dense: cython.bint = C.starts == cython.NULL
-    groups = Groups(constant(m, EMPTY, np.int32), constant(m, 1.0))
-    number = places(groups.number, m)
-    starts, others = np.zeros(m + 1, np.int32), np.empty(most, np.int32)
-    entries = np.empty(most)
+    groups = Groups(same_places(m, EMPTY), new_vector(m))
+    number, ratio = places(groups.number, m), numbers(groups.ratio, m)
+    fill(ratio, 1.0, m)
+    starts, others = same_places(m + 1, 0), new_places(most)
+    entries = new_vector(most)
     indptr, indices = places(starts, m + 1), places(others, most)
     data = numbers(entries, most)
     for i in range(m):
@@ -203,7 +213,7 @@ def leading_rows(M, columns, sides):
             if number[i] == EMPTY and column[j] >= 0 and C.values[t] != 0.0:
                 indptr[i] -= 1
                 indices[indptr[i]], data[indptr[i]] = column[j], C.values[t]
-    count = group_rows(m, n, indptr, indices, data, number, numbers(groups.ratio, m))
+    count = group_rows(m, n, indptr, indices, data, number, ratio)
     parts = starts[: count + 1], others[: starts[count]], entries[: starts[count]]
     return from_arrays(parts, (count, n), csr_array), groups
 
@@ -219,7 +229,7 @@ def group_rows(m, n, indptr, indices, data, number, ratio):
     """
     size: Py_ssize_t = 1 << (2 * m + 1).bit_length()
     mask: cython.longlong = size - 1
-    keys, slots = np.empty(m, np.int32), constant(size, -1, np.int32)
+    keys, slots = new_places(m), same_places(size, -1)
     key, table = places(keys, m), places(slots, size)
     kept: cython.int = 0
     group: cython.int = 0
@@ -375,11 +385,10 @@ def substitute(qp, last=None, deadline=NEVER):
         return last._replace(user=qp)
     deadline.check(PASS * qp.A.data.size)
     n, m, p = qp.q.size, qp.h.size, qp.b.size
-    chosen, parts = constant(p, -1, np.int32), np.zeros((3, p))
-    find_free_columns(qp, chosen, parts)
-    by = (chosen >= 0).nonzero()[0]
-    if not by.size or not (qp.lb <= qp.ub).all():
+    chosen, parts = same_places(p, -1), np.zeros((3, p))
+    if not find_free_columns(qp, chosen, parts) or not (qp.lb <= qp.ub).all():
         return None
+    by = (chosen >= 0).nonzero()[0]
     deadline.check(PASS * qp.A.data.size)
     others, columns = (chosen < 0).nonzero()[0], chosen[by]
     pivot, cost = parts[0, by], parts[1, by]
@@ -402,7 +411,7 @@ def substitute(qp, last=None, deadline=NEVER):
 
 
 def find_free_columns(qp, choice, parts):
-    """Choose the free columns with the largest entry in their row.
+    """Choose the free columns with the largest entry in their row; return how many.
 
     Row i of A substitutes column choice[i], none where that is -1, as on entry. parts,
     (3, p), 0 on entry: the entry, the cost p, and the largest entry of each row.
@@ -412,7 +421,7 @@ def find_free_columns(qp, choice, parts):
     A: Columns
     n: Py_ssize_t = qp.q.size
     p: Py_ssize_t = qp.b.size
-    some: cython.bint = False
+    count: Py_ssize_t = 0
     take_columns(qp.P, n, cython.address(P))
     take_columns(qp.G, n, cython.address(G))
     take_columns(qp.A, n, cython.address(A))
@@ -432,8 +441,8 @@ def find_free_columns(qp, choice, parts):
         if fabs(A.data[t]) > fabs(pivot[i]):
             chosen[i], pivot[i] = j, A.data[t]
             cost[i] = P.data[s] if s >= 0 else 0.0
-            some = True
-    if some:
+            count += 1
+    if count:
         for t in range(A.indptr[n]):
             i = A.indices[t]
             largest[i] = max(largest[i], fabs(A.data[t]))
@@ -441,7 +450,10 @@ def find_free_columns(qp, choice, parts):
             if fabs(pivot[i]) < PIVOT * largest[i]:
                 chosen[i], cost[i] = -1, 0.0
         drop_filling_rows(cython.address(A), n, p, chosen, cost)
-    return 0
+        count = 0
+        for i in range(p):
+            count += chosen[i] >= 0
+    return count
 
 
 def only_entry(C, j):
