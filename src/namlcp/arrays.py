@@ -202,17 +202,12 @@ def index_order(indptr, indices, major, minor):
     """
     order = CANONICAL
     size: Py_ssize_t = indices.size
-    if indptr.size != major + 1:
+    if indptr.size != major + 1 or indptr[0] != 0:
         return CORRUPT
     start, place = places(indptr, major + 1), places(indices, size)
-    if start[0] != 0:
-        return CORRUPT
     for j in range(major):
-        if start[j + 1] < start[j]:
+        if not start[j] <= start[j + 1] <= size:
             return CORRUPT
-    if start[major] > size:
-        return CORRUPT
-    for j in range(major):
         before = -1
         for t in range(start[j], start[j + 1]):
             i = place[t]

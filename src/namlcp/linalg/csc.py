@@ -40,7 +40,7 @@ def as_dense(C):
 
 def without_zeros(M):
     """Return M without stored zeros, M itself if there are none."""
-    if np.count_nonzero(M.data) < M.data.size:  # 2 us less than M.data.all()
+    if np.count_nonzero(M.data) < M.data.size:
         M = M.copy()
         M.eliminate_zeros()
     return M
