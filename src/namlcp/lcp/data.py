@@ -275,8 +275,11 @@ class LCP(NamedTuple):
 
     def w(self, z: np.ndarray) -> np.ndarray:
         A = self.matrix.A
-        is_small = type(A) is np.ndarray and z.size <= MOST_SMALL
-        return affine(A, z, self.q) if is_small else A @ z + self.q
+        if type(A) is np.ndarray and z.size <= MOST_SMALL:
+            return affine(A, z, self.q)
+        w = A @ z
+        w += self.q
+        return w
 
     def start(self, z0: np.ndarray | None = None) -> np.ndarray:
         """Return z0, or 0 if it is None, clipped to the bounds: a new array."""

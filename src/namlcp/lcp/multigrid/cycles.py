@@ -160,9 +160,12 @@ class MultigridSolver:
     def __init__(self, lcp: LCP, hierarchy: Hierarchy, criterion: Criterion):
         self.lcp, self.criterion, S = lcp, criterion, hierarchy.scale
         self.cycle, self.scale = VCycle(hierarchy.levels, hierarchy.symmetric), S
-        self.top = LevelLCP(self.cycle, 0, S * lcp.q, lcp.lower / S, lcp.upper / S)
+        q, *box = lcp[1:]
+        if isinstance(S, np.ndarray):
+            q, box = S * q, [bound / S for bound in box]
+        self.top = LevelLCP(self.cycle, 0, q, *box)
+        self.z, self.w = np.empty((2, q.size))
         self.best, self.least, self.done = lcp.start(), math.inf, 0
-        self.z, self.w = np.empty((2, lcp.q.size))
 
     def is_solved(self) -> bool:
         """Keep the best iterate; tell whether the criterion accepts this one.
@@ -170,14 +173,17 @@ class MultigridSolver:
         A product with A makes sure of it where the w of the cycle meets it.
         """
         lcp, top, criterion = self.lcp, self.top, self.criterion
-        z = np.multiply(self.scale, top.z, out=self.z)
-        np.clip(z, lcp.lower, lcp.upper, out=z)
-        np.divide(top.w, self.scale, out=self.w)
-        self.plain, self.residual = criterion.residuals(z, self.w)
+        if isinstance(self.scale, np.ndarray):
+            np.multiply(self.scale, top.z, out=self.z)
+            np.clip(self.z, lcp.lower, lcp.upper, out=self.z)
+            np.divide(top.w, self.scale, out=self.w)
+        else:
+            self.z, self.w = top.z, top.w
+        self.plain, self.residual = criterion.residuals(self.z, self.w)
         near = criterion.met(self.plain, self.residual)
-        solved = near and criterion.accepts(z, lcp.w(z))
+        solved = near and criterion.accepts(self.z, lcp.w(self.z))
         if solved or self.residual < self.least:
-            self.best[:], self.least = z, self.residual
+            self.best[:], self.least = self.z, self.residual
         return solved
 
     def run(self, z0: np.ndarray | None, limits: Limits) -> Status:

@@ -27,7 +27,15 @@ from scipy.linalg.blas import daxpy, dnrm2
 from namlcp.arrays import from_arrays
 from namlcp.lcp.data import Prepared
 from namlcp.lcp.loops import row_sums
-from namlcp.lcp.multigrid.kernels import ascend, descend, free_product, truncate_coarse
+from namlcp.lcp.multigrid.kernels import (
+    ascend,
+    coarse_rows,
+    descend,
+    find_diagonal,
+    free_product,
+    strong_couplings,
+    truncate_coarse,
+)
 from namlcp.limits import NEVER, Deadline
 from namlcp.linalg.csc import arrays_of
 
@@ -42,7 +50,7 @@ UNLIKE, NO_COUPLING = 0.03, 1e-14
 MOST_ROW_ENTRIES, MOST_COARSE_ENTRIES = 100, 6.0
 # Convergence rate of the V-cycle up to which no second pass is tried, and above which
 # the hierarchy is refused. The last one of RATE_CYCLES V-cycles gives the rate.
-GOOD, USELESS, RATE_CYCLES = 0.3, 0.8, 4
+GOOD, USELESS, RATE_CYCLES = 0.28, 0.7, 3
 # A coupling a_ij < 0 is strong if -a_ij >= THETA max_k -a_ik.
 THETA = 0.25
 # Krylov steps at most between two computations of the residual, and computations of it
@@ -170,10 +178,13 @@ def inverse(B: np.ndarray, symmetric: bool) -> Any:
 
 
 class Hierarchy(NamedTuple):
-    """Levels of A, the first S A S, S = diag(scale); several threads may share them."""
+    """Levels of A, the first S A S, S = diag(scale); several threads may share them.
+
+    scale: 1.0 where the first is A itself.
+    """
 
     symmetric: bool
-    scale: np.ndarray
+    scale: np.ndarray | float
     levels: list[Level]
 
 
@@ -245,20 +256,20 @@ def build(A: Any, symmetric: bool, deadline: Deadline) -> Hierarchy | None:
     return Hierarchy(symmetric, scale, best)
 
 
-def scaling(A: Any) -> np.ndarray:
-    """Return that diagonal of S, 1 or D^-1/2, with less |row sum| / diagonal of S A S.
+def scaling(A: Any) -> np.ndarray | float:
+    """Return the diagonal of S, 1.0 or D^-1/2, with less |row sum| / diagonal of S A S.
 
     The median counts. D^-1/2 if the diagonal is far from 1, as pyamg's weights are not
     scale invariant.
     """
     d = A.diagonal()
     if not d.size:
-        return d
-    ones, root = np.ones(d.size), 1.0 / np.sqrt(d)
-    plain = np.median(np.abs(A @ ones) / d)
+        return 1.0
+    root = 1.0 / np.sqrt(d)
+    plain = np.median(np.abs(A.sum(axis=1)) / d)
     scaled = np.median(np.abs(A @ root) * root)
     is_near = 1.0 / FAR_FROM_ONE < float(d.max()) < FAR_FROM_ONE
-    return ones if is_near and scaled >= plain - EQUAL_SUMS else root
+    return 1.0 if is_near and scaled >= plain - EQUAL_SUMS else root
 
 
 def coarsen(
@@ -269,10 +280,8 @@ def coarsen(
     entries = MOST_COARSE_ENTRIES * A.nnz
     while entries >= 0 and not deadline.reached():
         n = A.shape[0]
-        rows = np.repeat(np.arange(n, dtype=np.int32), np.diff(A.indptr))
-        diagonal = np.flatnonzero(A.indices == rows).astype(np.int32)
-        d = A.data[diagonal]
-        if d.size < n or not np.all(d > 0.0):
+        diagonal, d = np.empty(n, np.int32), np.empty(n)
+        if not find_diagonal(A, diagonal, d):
             return None
         found = None
         if n > MAX_COARSE and len(levels) < MAX_LEVELS:
@@ -287,8 +296,7 @@ def coarsen(
         P, C = found
         R = sparse.csr_array(P.T)
         levels.append(Level(A, diagonal, d, P, R, C))
-        A = sparse.csr_array(R @ A @ P)
-        A.sort_indices()
+        A = coarse_matrix(A, P, R)
         entries -= A.nnz
     return None
 
@@ -298,13 +306,13 @@ def measured_rate(levels: list[Level], symmetric: bool) -> float:
 
     The norm is that of A for symmetric A, else the 2-norm of the residual.
     """
-    A = levels[0].A
+    A, d = levels[0].A, levels[0].d
     cycle = VCycle(levels, symmetric)
-    n = levels[0].d.size
-    x, y = np.random.default_rng(0).standard_normal(n), np.empty(n)
+    x = np.random.default_rng(0).standard_normal(d.size)
+    r, y = np.empty((2, d.size))
     size, rate = np.inf, 1.0
     for done in range(RATE_CYCLES + 1):
-        r = A @ x
+        free_product(A, d, x, r)
         before, size = size, float(r @ x if symmetric else r @ r)
         if not 0.0 < size < np.inf:
             return 0.0 if size == 0.0 else np.inf
@@ -358,12 +366,21 @@ def interpolation(
 
 def strong(A: Any) -> Any:
     """Return the strong couplings of A, with their values, as a csr_array."""
-    from pyamg import amg_core
+    indptr, indices, data = [np.empty_like(part) for part in arrays_of(A)]
+    count = strong_couplings(A, THETA, indptr, indices, data)
+    parts = indptr, indices[:count], data[:count]
+    return from_arrays(parts, A.shape, sparse.csr_array)
 
-    parts = arrays_of(A)
-    found = indptr, indices, data = [np.empty_like(part) for part in parts]
-    amg_core.classical_strength_of_connection_min(A.shape[0], THETA, *parts, *found)
-    S = sparse.csr_array((data, indices, indptr), shape=A.shape)
-    S.data[S.data > 0.0] = 0.0  # the diagonal and positive couplings
-    S.eliminate_zeros()
-    return S
+
+def coarse_matrix(A: Any, P: Any, R: Any) -> Any:
+    """Return R A P as a sorted csr_array."""
+    m, capacity, done = R.shape[0], 2 * A.nnz, 0
+    indptr = np.zeros(m + 1, np.int32)
+    indices, data = np.empty(capacity, np.int32), np.empty(capacity)
+    while True:
+        done = coarse_rows(R, A, P, done, indptr, indices, data)
+        capacity = indptr[m] if done == m else 2 * capacity
+        for part in (indices, data):
+            part.resize(capacity, refcheck=False)
+        if done == m:
+            return from_arrays((indptr, indices, data), (m, m), sparse.csr_array)
