@@ -96,30 +96,11 @@ def times_lower(X, count, width, V, n, letter):
         )  # fmt: skip
 
 
-def invert_lower(L, n, width):
-    """Overwrite a lower triangle, whose rows begin so far apart, by its inverse.
-
-    By halves, as dtrtri takes twice as long as products: V21 = -V22 L21 V11.
-    """
+def invert_lower(L, n):
+    """Overwrite a lower triangle by its inverse."""
     info: cython.int = 0
-    plus: cython.double = 1.0
-    minus: cython.double = -1.0
-    if n <= MOST_WHOLE:
-        dtrtri(b"U", b"N", address(n), L, address(width), address(info))
-        return
-    half: cython.int = n // 2
-    rest: cython.int = n - half
-    below = L + half * width
-    invert_lower(L, half, width)
-    invert_lower(below + half, rest, width)
-    dtrmm(
-        b"L", b"U", b"N", b"N", address(half), address(rest), address(minus), L,
-        address(width), below, address(width),
-    )  # fmt: skip
-    dtrmm(
-        b"R", b"U", b"N", b"N", address(half), address(rest), address(plus),
-        below + half, address(width), below, address(width),
-    )  # fmt: skip
+    if n > 0:
+        dtrtri(b"U", b"N", address(n), L, address(n), address(info))
 
 
 def add_gram(X, rows, n, width, letter, beta, W, width_W):

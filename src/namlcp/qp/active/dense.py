@@ -366,7 +366,7 @@ def invert_factor(m):
     """
     n, p, half, unit = m.n, m.p, m.half, m.scale + m.m
     if m.is_large:
-        invert_lower(m.factor, n, n)
+        invert_lower(m.factor, n)
         for i in range(n):
             fill(m.factor + i * n + i + 1, 0.0, n - i - 1)
     else:
