@@ -1,6 +1,6 @@
 from namlcp.arrays cimport numbers, places
 from namlcp.linalg.vectors cimport fill, largest_entry
-from namlcp.qp.kkt cimport Matrix, equilibrate_parts, first_of, place_of
+from namlcp.qp.kkt cimport Matrix, equilibrate_parts, first_of, place_of, take_matrix
 
 cdef double VALUE_ROUNDING, RESIDUAL, RADIUS, EXACT_RESIDUAL, MARGIN, ROUNDED_VALUE, CANCELLED
 
@@ -25,4 +25,3 @@ cdef double largest_in(const double* v, const double* units, Py_ssize_t n) noexc
 cdef (double, double) norms_per(const double* v, const double* units, Py_ssize_t n) noexcept nogil
 cdef void add_products(const Matrix* M, const double* d, double* out, double* sizes) noexcept nogil
 cdef void add_transposed(const Matrix* M, const double* y, double* out) noexcept nogil
-cdef object take_matrix(Matrix* M, object array)

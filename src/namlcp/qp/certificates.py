@@ -215,19 +215,6 @@ def add_transposed(M, y, out):
 # ---- arrays of NumPy
 
 
-def take_matrix(M, array):
-    """Note a matrix; return the array that has its numbers."""
-    if type(array) is np.ndarray:
-        array = np.ascontiguousarray(array, float)
-        M.lines, M.width, M.starts = array.shape[0], array.shape[1], cython.NULL
-        M.values = numbers(array, array.size)
-    else:
-        M.lines, size = array.shape[1], array.indices.size
-        M.starts = places(array.indptr, M.lines + 1)
-        M.others, M.values = places(array.indices, size), numbers(array.data, size)
-    return array
-
-
 def accepted(qp, point, d, tol):
     """Return a certificate of value -1, its point and residuals; None if there is none.
 

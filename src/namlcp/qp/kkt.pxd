@@ -46,7 +46,7 @@ cdef void equilibrate_parts(
     const Matrix* P, const Matrix* A, const Matrix* G, Py_ssize_t n, Py_ssize_t p, Py_ssize_t m,
     double* units, double* largest,
 ) noexcept nogil
-cdef int take_matrix(object M, Matrix* C) except -1
+cdef object take_matrix(Matrix* M, object array)
 cdef void note_entries(const Matrix* M, const double* rows, const double* columns, double* of_rows, double* of_columns) noexcept nogil
 cdef Py_ssize_t first_of(const Matrix* M, Py_ssize_t line) noexcept nogil
 cdef (Py_ssize_t, Py_ssize_t) place_of(const Matrix* M, Py_ssize_t line, Py_ssize_t t) noexcept nogil

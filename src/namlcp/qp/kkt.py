@@ -443,17 +443,17 @@ def note_entries(M, rows, columns, of_rows, of_columns):
         along[line] = max(along[line], largest)
 
 
-def take_matrix(M, C):
-    """Set C to the arrays of M, dense or in CSC."""
-    C.starts = C.others = cython.NULL
-    C.lines, C.width = M.shape
-    values = M
-    if type(M) is not np.ndarray:
-        C.lines, values = C.width, M.data
-        C.starts = places(M.indptr, C.lines + 1)
-        C.others = places(M.indices, values.size)
-    C.values = numbers(values, values.size)
-    return 0
+def take_matrix(M, array):
+    """Note a matrix, dense or in CSC; return the array that has its numbers."""
+    if type(array) is np.ndarray:
+        array = np.ascontiguousarray(array, float)
+        M.lines, M.width, M.starts = array.shape[0], array.shape[1], cython.NULL
+        M.values = numbers(array, array.size)
+    else:
+        M.lines, size = array.shape[1], array.indices.size
+        M.starts = places(array.indptr, M.lines + 1)
+        M.others, M.values = places(array.indices, size), numbers(array.data, size)
+    return array
 
 
 def first_of(M, line):

@@ -179,7 +179,7 @@ def leading_rows(M, columns, sides):
     n: Py_ssize_t = columns.size
     most: Py_ssize_t = M.size
     refuse_size("a matrix by rows", most)
-    take_matrix(M, cython.address(C))
+    M = take_matrix(cython.address(C), M)
     width: Py_ssize_t = M.shape[1]
     numbered, kept = same_places(width, -1), longs(columns, n)
     column, side = places(numbered, width), numbers(sides, m)
