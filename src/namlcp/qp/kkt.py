@@ -30,8 +30,8 @@ from namlcp.linalg.csc import add_transposed, times
 from namlcp.linalg.factors import plan_factors
 from namlcp.qp.problem import Point
 
-# Rows are condensed where they are as many as variables, and have this part of entries
-# that are not zero, without the last variables of one entry each.
+# Rows are condensed, without the last variables of one entry each, if this part of
+# their entries is not zero, and they are as many as variables or P is diagonal.
 FULL = 0.5
 # The largest |1 - largest entry| that ends the rounds: with 1e-3 there are twice as
 # many, with 0.1 two problems of the Maros-Meszaros collection need more restarts.
@@ -77,16 +77,21 @@ class KKT:
 
         condense: whether they may be `Condensed`. Raises OutOfTime.
         """
+        if self.factors is None and condense:
+            self.factors = self.condensed()
         if self.factors is None:
-            n, rows = self.n, self.size - self.n
-            width = first_alone(self.indptr, self.indices, n)
-            entries = self.indptr[self.size] - self.indptr[n] - rows - (n - width)
-            can_condense = width <= rows or self.indptr[width] == width
-            if condense and can_condense and entries >= FULL * width * rows > 0:
-                self.factors = Condensed(self.indptr, self.indices, n, width)
-            else:
-                self.factors = plan_factors(self.indptr, self.indices, deadline)
+            self.factors = plan_factors(self.indptr, self.indices, deadline)
         return self.factors
+
+    def condensed(self):
+        """Return factors that condense the rows, None where that does not suit."""
+        n, rows = self.n, self.size - self.n
+        width = first_alone(self.indptr, self.indices, n)
+        entries = self.indptr[self.size] - self.indptr[n] - rows - (n - width)
+        suits = width <= rows or self.indptr[width] == width
+        if suits and entries >= FULL * width * rows > 0:
+            return Condensed(self.indptr, self.indices, n, width)
+        return None
 
     def factor(self):
         """Factor K~; False if a pivot vanishes."""
@@ -133,24 +138,20 @@ class Condensed(Factors):
         n, width, S, R, D = self.columns, self.width, self.S, self.R, self.D
         kept, gone, others, indptr = self.kept, self.gone, self.others, self.indptr
         first = self.variables
-        for i in range(first, self.n):
+        for i in range(self.n):
             D[i] = data[indptr[i + 1] - 1]
         for k in range(first - n):
-            i, d = self.row[k], data[indptr[n + k]]
-            self.slope[k] = data[self.entry[k]] / d
-            D[i] -= data[self.entry[k]] * self.slope[k]
-            D[n + k] = 1.0 / d
+            i, c = self.row[k], data[self.entry[k]]
+            self.slope[k] = c / D[n + k]
+            D[i] -= c * self.slope[k]
+            D[n + k] = 1.0 / D[n + k]
         fill(S, 0.0, width * width)
         for j in range(width):
-            if kept > 0:
-                S[j * width + j] = -D[kept + j]
-                D[kept + j] = 1.0
-            else:
-                for t in range(indptr[j], indptr[j + 1]):
-                    S[j * width + self.indices[t]] = data[t]
-                D[j] = 1.0
+            for t in range(indptr[j], indptr[j + 1] - 1 if kept == 0 else 0):
+                S[j * width + self.indices[t]] = data[t]
+            S[j * width + j], D[kept + j] = self.sign * D[kept + j], 1.0
         for i in range(gone, gone + others):
-            D[i] = sqrt(-1.0 / D[i] if gone > 0 else 1.0 / data[indptr[i + 1] - 1])
+            D[i] = sqrt(-self.sign / D[i])
         for i in range(self.rows):
             row, start = R + i * n, indptr[first + i]
             count = indptr[first + i + 1] - 1 - start
