@@ -315,10 +315,9 @@ def project_multipliers(m, candidate):
     diagonal[:n] = PROJECTION + weight[:n]
     diagonal[rows:] = -1.0 / np.maximum(weight[rows:], THIN)
     kkt.data[kkt.diagonal] = diagonal
-    kkt.factored[:] = np.nan
-    is_factored: cython.bint = factor(m)
-    kkt.factored[:] = np.nan
+    is_factored: cython.bint = m.factors.factor_values(m.data, m)
     kkt.data[:] = kkt.base
+    kkt.factored[:] = np.nan  # these factors are those of no K~
     best, last, rhs, u = (y, Z), INFINITY, np.zeros(kkt.size), np.empty(kkt.size)
     for _ in range(PROJECTION_STEPS if is_factored else 0):
         v = sums(m, problem.sign * Z)
