@@ -21,6 +21,6 @@ cdef int group_rows(Py_ssize_t m, Py_ssize_t n, int* indptr, int* indices, doubl
 cdef double multiple(const int* indices, const double* data, Py_ssize_t a, Py_ssize_t a_end, Py_ssize_t c, Py_ssize_t c_end) noexcept
 cdef Py_ssize_t merge_rows(Py_ssize_t rows, const int* number, const double* ratio, const double* sides, bint equal, double tol, object ends, object givers) except -2
 cdef Py_ssize_t wrong_empty_row(Py_ssize_t rows, const int* number, const double* sides, bint equal, double tol) noexcept
-cdef Py_ssize_t find_free_columns(object qp, object choice, object parts) except -1
+cdef int find_free_columns(object qp, object choice, object parts) except -1
 cdef Py_ssize_t only_entry(const Columns* C, Py_ssize_t j) noexcept nogil
 cdef Py_ssize_t drop_filling_rows(const Columns* A, Py_ssize_t n, Py_ssize_t rows, int* chosen, const double* cost) except -1

@@ -386,9 +386,10 @@ def substitute(qp, last=None, deadline=NEVER):
     deadline.check(PASS * qp.A.data.size)
     n, m, p = qp.q.size, qp.h.size, qp.b.size
     chosen, parts = same_places(p, -1), np.zeros((3, p))
-    if not find_free_columns(qp, chosen, parts) or not (qp.lb <= qp.ub).all():
-        return None
+    find_free_columns(qp, chosen, parts)
     by = (chosen >= 0).nonzero()[0]
+    if not by.size or not (qp.lb <= qp.ub).all():
+        return None
     deadline.check(PASS * qp.A.data.size)
     others, columns = (chosen < 0).nonzero()[0], chosen[by]
     pivot, cost = parts[0, by], parts[1, by]
@@ -411,7 +412,7 @@ def substitute(qp, last=None, deadline=NEVER):
 
 
 def find_free_columns(qp, choice, parts):
-    """Choose the free columns with the largest entry in their row; return how many.
+    """Choose the free columns with the largest entry in their row.
 
     Row i of A substitutes column choice[i], none where that is -1, as on entry. parts,
     (3, p), 0 on entry: the entry, the cost p, and the largest entry of each row.
@@ -421,7 +422,7 @@ def find_free_columns(qp, choice, parts):
     A: Columns
     n: Py_ssize_t = qp.q.size
     p: Py_ssize_t = qp.b.size
-    count: Py_ssize_t = 0
+    some: cython.bint = False
     take_columns(qp.P, n, cython.address(P))
     take_columns(qp.G, n, cython.address(G))
     take_columns(qp.A, n, cython.address(A))
@@ -441,8 +442,8 @@ def find_free_columns(qp, choice, parts):
         if fabs(A.data[t]) > fabs(pivot[i]):
             chosen[i], pivot[i] = j, A.data[t]
             cost[i] = P.data[s] if s >= 0 else 0.0
-            count += 1
-    if count:
+            some = True
+    if some:
         for t in range(A.indptr[n]):
             i = A.indices[t]
             largest[i] = max(largest[i], fabs(A.data[t]))
@@ -450,10 +451,7 @@ def find_free_columns(qp, choice, parts):
             if fabs(pivot[i]) < PIVOT * largest[i]:
                 chosen[i], cost[i] = -1, 0.0
         drop_filling_rows(cython.address(A), n, p, chosen, cost)
-        count = 0
-        for i in range(p):
-            count += chosen[i] >= 0
-    return count
+    return 0
 
 
 def only_entry(C, j):
