@@ -14,7 +14,7 @@ with warnings.catch_warnings():
     import qpsolvers
 from qpsolvers.exceptions import ParamError, ProblemError, SolverError
 
-from namlcp.options import DEFAULT_OPTIONS, Options
+from namlcp.options import DEFAULT_OPTIONS, Options, remembered
 from namlcp.qp.active.solve import solve_small
 from namlcp.results import QPResult
 from namlcp.solve.qp import solve_arguments
@@ -73,9 +73,9 @@ def nam_solve_problem(
     try:
         if verbose:
             settings["verbose"] = True
-        options = Options.from_names(settings) if settings else DEFAULT_OPTIONS
-    except (TypeError, ValueError) as error:
-        raise ParamError(str(error)) from error
+        options = remembered(**settings) if settings else DEFAULT_OPTIONS
+    except (TypeError, ValueError):
+        options = named_options(settings)
     arguments = problem.unpack()
     try:
         result = None
@@ -94,6 +94,13 @@ def nam_solve_problem(
         raise (ParamError if of_guess else ProblemError)(str(error)) from error
     except Exception as error:  # a KeyError would mean "solver not installed"
         raise SolverError(f"namlcp failed: {error!r}") from error
+
+
+def named_options(settings: dict[str, Any]) -> Options:
+    try:
+        return Options.from_names(settings)
+    except (TypeError, ValueError) as error:
+        raise ParamError(str(error)) from error
 
 
 def solution(problem: "qpsolvers.Problem", result: QPResult) -> "qpsolvers.Solution":
