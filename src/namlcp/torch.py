@@ -1,9 +1,10 @@
-"""Convex QPs as a differentiable function of PyTorch; needs torch 2 or newer.
+"""Convex QPs as a differentiable function of PyTorch; needs torch 2.2 or newer.
 
 ``namlcp.torch.solve_qp`` solves on the processor in double precision, whatever the
 tensors are, and returns tensors of their type and device.
 """
 
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -42,9 +43,9 @@ def solve_qp(
     -------
     QPSolution
         All parts can be differentiated in all arguments, in reverse and forward mode,
-        once. An item that is not solved (infeasible, unbounded, out of time) is NaN,
-        whatever the option `infeasible` says, and its gradients are 0: weigh it by
-        `solved` in a loss, with torch.where.
+        once: a second derivative raises RuntimeError. An item that is not solved
+        (infeasible, unbounded, out of time) is NaN, whatever the option `infeasible`
+        says, and its gradients are 0: weigh it by `solved` in a loss, with torch.where.
 
     Raises
     ------
@@ -86,23 +87,59 @@ class Solve(torch.autograd.Function):
 
     @staticmethod
     def setup_context(ctx: Any, inputs: Any, output: Any) -> None:
+        _, *parts = inputs
         ctx.stack = output[-1]
-        ctx.kinds = [kind_of(part) for part in inputs[1:]]
+        ctx.kinds = [kind_of(part) for part in parts]
+        ctx.save_for_backward(*parts)
+        ctx.save_for_forward(*parts)
         ctx.mark_non_differentiable(output[-2])
 
     @staticmethod
-    @torch.autograd.function.once_differentiable
     def backward(ctx: Any, *cotangents: Any) -> tuple[Any, ...]:
-        solution = [array_of(v) for v in cotangents[:4]]
-        gradients = ctx.stack.backward(solution, ctx.needs_input_grad[1:])
-        pairs = zip(gradients, ctx.kinds, strict=True)
-        found = [None if v is None else torch.tensor(v, **kind) for v, kind in pairs]
-        return None, *found
+        def found(*solution: Any) -> list[Any]:
+            gradients = ctx.stack.backward(solution, ctx.needs_input_grad[1:])
+            pairs = zip(gradients, ctx.kinds, strict=True)
+            return [None if v is None else torch.tensor(v, **kind) for v, kind in pairs]
+
+        return None, *once(ctx, found, cotangents[:4])
 
     @staticmethod
     def jvp(ctx: Any, _: Any, *tangents: Any) -> tuple[Any, ...]:
-        changes = ctx.stack.forward([array_of(v) for v in tangents])
-        return *(torch.tensor(v, **ctx.kinds[1]) for v in changes), None, None
+        def found(*changes: Any) -> list[Any]:
+            return [torch.tensor(v, **ctx.kinds[1]) for v in ctx.stack.forward(changes)]
+
+        return *once(ctx, found, tangents), None, None
+
+
+def once(ctx: Any, found: Callable[..., Any], tensors: Sequence[Any]) -> Any:
+    """Return what is found for tensors, and refuse to differentiate it.
+
+    It depends on the data, too. Only where that may matter they are asked for: they may
+    have been changed in place since, which torch refuses then.
+    """
+    data = ctx.saved_tensors if torch.is_grad_enabled() else ()
+    return Once.apply(found, len(tensors), *tensors, *data)
+
+
+class Once(torch.autograd.Function):
+    """A derivative as a function of its direction and of the data."""
+
+    @staticmethod
+    def forward(found: Callable[..., Any], count: int, *tensors: Any) -> Any:
+        return tuple(found(*map(array_of, tensors[:count])))
+
+    @staticmethod
+    def setup_context(ctx: Any, inputs: Any, output: Any) -> None:
+        """Keep nothing."""
+
+    @staticmethod
+    def backward(ctx: Any, *_: Any) -> Any:
+        raise RuntimeError(
+            "solutions of namlcp.torch.solve_qp can be differentiated once, those of "
+            "namlcp.jax.solve_qp any number of times"
+        )
+
+    jvp = backward
 
 
 def array_of(tensor: torch.Tensor | None) -> np.ndarray | None:

@@ -76,10 +76,34 @@ def test_data_changed_in_place_after_the_solve_do_no_harm():
     np.testing.assert_allclose(data[1].grad, fresh[1].grad)
 
 
-def test_there_are_no_second_derivatives():
+def test_a_second_derivative_raises():
+    """Also where the cotangent is constant, and where other terms have derivatives."""
     data = tensors()
     (g,) = torch.autograd.grad(solve_qp(*data).x.sum(), data[1], create_graph=True)
-    assert not g.requires_grad
+    with pytest.raises(RuntimeError, match="can be differentiated once"):
+        torch.autograd.grad(g.sum() + data[1].sum(), data[1])
+    with pytest.raises(RuntimeError, match="can be differentiated once"):
+        torch.autograd.gradgradcheck(solutions, data)
+    with torch.autograd.forward_ad.dual_level():
+        q = torch.autograd.forward_ad.make_dual(data[1], torch.ones_like(data[1]))
+        found = solve_qp(data[0], q, *data[2:])
+        along = torch.autograd.forward_ad.unpack_dual(found.x).tangent
+    with pytest.raises(RuntimeError, match="can be differentiated once"):
+        along.sum().backward()
+
+
+def test_transforms_of_functions():
+    data = [v.detach() for v in tensors()]
+
+    def total(q):
+        return solve_qp(data[0], q, *data[2:]).x.sum()
+
+    gradient = torch.func.grad(total)(data[1])
+    _, along = torch.func.jvp(total, (data[1],), (torch.ones_like(data[1]),))
+    assert along == pytest.approx(gradient.sum(), rel=1e-12)
+    for second in torch.func.grad, torch.func.jacfwd:
+        with pytest.raises(RuntimeError):
+            second(lambda q: torch.func.grad(total)(q).sum())(data[1])
 
 
 def test_malformed_problems_raise():
