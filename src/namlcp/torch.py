@@ -69,6 +69,8 @@ def solve_qp(
     >>> x.tolist(), q.grad.tolist()
     ([1.0, 1.0], [-1.0, 0.0])
     """
+    if not q.is_floating_point():  # the solution is of its type
+        q = q.to(torch.get_default_dtype())
     parts = [(P + P.mT) / 2, q, G, h, A, b, lb, ub]
     x, y, z, z_box, solved, _ = Solve.apply(settings, *parts)
     return QPSolution(x, y, z, z_box, solved)

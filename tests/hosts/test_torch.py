@@ -106,6 +106,13 @@ def test_transforms_of_functions():
             second(lambda q: torch.func.grad(total)(q).sum())(data[1])
 
 
+def test_integers_have_solutions_of_floats():
+    found = solve_qp(torch.eye(2), torch.tensor([1, 1]), ub=torch.tensor([-2, 3]))
+    assert found.x.dtype == torch.get_default_dtype()
+    assert found.x.tolist() == [-2.0, -1.0]
+    assert solve_qp(torch.tensor([[2]]), torch.tensor([1])).x.tolist() == [-0.5]
+
+
 def test_malformed_problems_raise():
     with pytest.raises(ValueError, match="q must be finite"):
         solve_qp(torch.eye(1), torch.tensor([float("nan")]))
