@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property, partial
+from inspect import get_annotations
 from operator import index
 from time import perf_counter
 from typing import Any, Generic, NamedTuple, TypeVar
@@ -55,7 +56,7 @@ class Public(type):
 
 def data_of(kind: Any) -> dict[str, None]:
     """Return the names of the attributes of a class of results."""
-    names = (k for base in kind.__mro__ for k in vars(base).get("__annotations__", ()))
+    names = (name for base in kind.__mro__ for name in get_annotations(base))
     return dict.fromkeys(name for name in names if name not in INNER)
 
 
