@@ -120,6 +120,13 @@ def test_what_is_absent_or_inactive_has_no_gradient():
         assert not getattr(found, name).any()
 
 
+def test_without_variables_multipliers_stay():
+    result = solve_qp(np.zeros((0, 0)), [], A=np.zeros((2, 0)), b=[0.0, 0.0])
+    for tangent in result.forward(db=[1.0, 2.0]), result.directional(db=[0.0, 0.0]):
+        assert tangent.x.size == 0
+        assert tangent.y.tolist() == [0.0, 0.0]
+
+
 KINDS = [np.array, sp.csr_array, sp.csc_array]
 
 

@@ -189,8 +189,8 @@ class QPDerivative:
         return 0.0 - u, lam, nu, (side < 0) * mu, (side > 0) * mu
 
     def forward(self, changes: dict[str, Any]) -> QPTangent:
-        d, n = self.direction(changes), self.qp.q.size
-        side = self.solution.z_box if self.item else self.held[-n:]
+        d, item = self.direction(changes), self.item
+        side = self.solution.z_box if item else self.held[self.C.shape[0] :]
         q, h, b, lb, ub = self.solve(right_sides(d, self.point, side))
         return QPTangent(0.0 - q, b, h, lb + ub, self.weak, self.singular)
 
@@ -225,7 +225,7 @@ class QPDerivative:
         if not N.size:
             return point
         sign, value = signs(qp, whole), np.concatenate(point[1:])
-        _, *rights = right_sides(d, point, whole[-qp.q.size :])
+        _, *rights = right_sides(d, point, whole[self.C.shape[0] :])
         slope = np.concatenate(rights) @ N
         zero, signed = np.zeros((slope.size, slope.size)), sign != 0
         G, h = -(sign[:, None] * N)[signed], np.maximum(sign * value, 0.0)[signed]
