@@ -69,6 +69,7 @@ from namlcp.derivatives.gradients import (
 from namlcp.linalg.csc import add_transposed, by_rows, submatrix, times
 from namlcp.options import DEFAULT_OPTIONS, check_count
 from namlcp.qp.batch import Items, available_cores, chunks_of, on_threads
+from namlcp.qp.certificates import largest
 from namlcp.qp.closest import Face, stacked
 from namlcp.qp.intake import qp_data
 from namlcp.qp.kkt import KKT, equilibrate
@@ -199,10 +200,15 @@ class QPDerivative:
             return self.forward(changes)
         qp, d, C = self.qp, self.direction(changes), self.C
         _, whole, _ = sides_of(qp, self.solution)
+        p, rows = qp.b.size, C.shape[0]
+        side = whole[rows:]
+        *rights, moved = right_sides(d, self.solution, side)
+        # of size 1, or absolute tolerances would admit a wrong derivative, or refuse it
+        unit = np.ldexp(1.0, np.frexp(largest(*rights, side * moved))[1])
+        d = {name: v if v is None else v / unit for name, v in d.items()}
         point = self.steepest(whole, d)
         held, _, _ = sides_of(qp, point)
-        p, rows = qp.b.size, C.shape[0]
-        side, fixed = whole[rows:], held[rows:] != 0
+        fixed = held[rows:] != 0
         r, db, dh, moved = right_sides(d, point, side)
         e = np.concatenate((db, dh))
         at = np.flatnonzero(held[:rows])
@@ -216,7 +222,8 @@ class QPDerivative:
         )  # fmt: skip
         v = np.zeros(rows)
         v[at], v[weak] = y, z
-        return QPTangent(dx, v[:p], v[p:], dz_box, self.weak, self.singular)
+        parts = (unit * part for part in (dx, v[:p], v[p:], dz_box))
+        return QPTangent(*parts, self.weak, self.singular)
 
     def steepest(self, whole: np.ndarray, d: dict[str, Any]) -> Point:
         """Return the multipliers that maximise the derivative of the optimal value."""
