@@ -123,7 +123,7 @@ class LCPDerivative:
         lower = np.where(fixed | (side < 0), moved, -np.inf)
         upper = np.where(fixed | (side > 0), moved, np.inf)
         lcp = lcp_data(self.lcp.matrix, r, lower, upper)
-        found = solve_by_method(*lcp, Limits(eps_rel=ACCURACY), is_next=True)
+        found = solve_by_method(*lcp, Limits(eps_rel=ACCURACY))
         if found.status is not Status.SOLVED:
             raise ValueError(
                 "the solution has no derivative along this direction: the LCP of the "
