@@ -201,6 +201,27 @@ def test_directional_of_an_lcp_equals_the_one_sided_difference(seed):
     np.testing.assert_allclose(np.append(found.z, found.w), expected, 1e-4, 1e-4)
 
 
+def test_a_direction_leaves_the_start_of_the_next_solve_alone():
+    A = namlcp.Prepared(np.array([[2.0, 1.0, 0.0], [1.0, 2.0, 1.0], [0.0, 1.0, 2.0]]))
+    result = namlcp.solve_lcp(A, [-1.0, -2.0, 0.0])
+    assert result.directional(dq=[1.0, 2.0, -3.0]).weak == 1
+    np.testing.assert_array_equal(A.last, result.z)
+
+
+def test_one_sided_derivatives_are_homogeneous():
+    """Of x = 0 where all rows of G x <= 0 are weak, by the interior-point method."""
+    n, rng = 300, np.random.default_rng(0)
+    P = sp.diags_array([2.0, -1.0, -1.0], offsets=[0, 1, -1], shape=(n, n))
+    G = sp.csc_array(sp.random_array((n, n), density=0.01, rng=rng))
+    result = namlcp.solve_qp(P, np.zeros(n), G, np.zeros(n))
+    dq = rng.standard_normal(n)
+    found = result.directional(dq=dq)
+    for scale in 1e-12, 1e12:
+        scaled = result.directional(dq=scale * dq)
+        np.testing.assert_allclose(scaled.x, scale * found.x, 1e-9, 1e-9 * scale)
+        np.testing.assert_allclose(scaled.z, scale * found.z, 1e-9, 1e-9 * scale)
+
+
 @pytest.mark.parametrize("kind", [np.array, sp.csr_array])
 def test_an_unknown_is_weak_though_the_terms_of_its_w_cancel(kind):
     """z = (2, 1, 0), w = 0: w_3 = 1 * 2 - 2 * 1 is a rounding error, and q_3 = 0."""
