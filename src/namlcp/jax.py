@@ -107,16 +107,16 @@ def solve_qp(
             )
         data.append(value)
     data[0] = (data[0] + data[0].T) / 2
-    x, y, z, z_box, solved, _, _ = solution(tuple(settings.items()), tuple(data))
+    x, y, z, z_box, solved, *_ = solution(tuple(settings.items()), tuple(data))
     return QPSolution(x, y, z, z_box, solved == 1.0)
 
 
 @partial(jax.custom_jvp, nondiff_argnums=(0,))
 def solution(settings: tuple[Any, ...], data: tuple[jax.Array, ...]) -> Any:
-    """Return x, y, z, z_box, 1 if solved, the active rows and the side of each x_j."""
+    """Return x, y, z, z_box, 1 if solved, and what `Stack.faces` returns."""
     q, h, b = data[1], data[3], data[5]
     solved = jax.ShapeDtypeStruct((), q.dtype)
-    shapes = q, b, h, q, solved, h, q
+    shapes = q, b, h, q, solved, h, q, b, h
 
     def solve(*parts: Any) -> tuple[np.ndarray, ...]:
         stack = Stack([np.array(part, float) for part in parts], dict(settings))
@@ -136,11 +136,10 @@ def with_derivative(settings: Any, primals: Any, tangents: Any) -> Any:
 def derivative(found: Any, data: Any, changes: Any) -> tuple[jax.Array, ...]:
     solved = found[4] == 1.0
     # where nothing is solved, NaN must not meet the derivatives, not even times 0
-    x, y, z, _ = point = Point(*(jnp.where(solved, v, 0.0) for v in found[:4]))
-    P, _, G, _, A, *_ = (jnp.where(solved, v, 0.0) for v in data)
-    rows, side = found[5:]
+    x, P, _, G, _, A, *_ = (jnp.where(solved, v, 0.0) for v in (found[0], *data))
+    rows, side, y, z = found[5:]
     d = dict(zip(AXES, changes, strict=True))
-    of_x, of_y, of_z, moved = right_sides(d, point, side)
+    of_x, of_y, of_z, moved = right_sides(d, Point(x, y, z, None), side)
     right = jnp.concatenate((of_x, of_z, of_y))
     C, v = jnp.concatenate((G, A)), jnp.concatenate((z, y))
     H = jnp.block([[P, C.T], [C, jnp.zeros_like(jnp.outer(v, v))]])
@@ -153,8 +152,8 @@ def derivative(found: Any, data: Any, changes: Any) -> tuple[jax.Array, ...]:
 
     dx, dz, dy = jnp.split(w, (x.size, x.size + z.size))
     dz_box = (free - 1.0) * (H @ w - right)[: x.size]
-    tangent = (jnp.where(solved, v, 0.0) for v in (dx, dy, dz, dz_box))
-    return *tangent, *map(jnp.zeros_like, found[4:])
+    dx, dy, dz, dz_box = (jnp.where(solved, v, 0.0) for v in (dx, dy, dz, dz_box))
+    return dx, dy, dz, dz_box, *map(jnp.zeros_like, found[4:7]), dy, dz
 
 
 def solve_symmetric(K: jax.Array, rhs: jax.Array, sign: jax.Array) -> jax.Array:

@@ -130,11 +130,13 @@ class Stack:
         return self.derivative.solve((None,) * 4)
 
     def faces(self) -> list[np.ndarray]:
-        """Return which rows of G are held active (1 or 0), and the side of each x_j.
+        """Return which rows of G are held, the side of each x_j, and y and z used.
 
-        The side is -1 at a lower bound, 1 at an upper one, else 0.
+        A row is 1 where it is held active, else 0; a side -1 at a lower bound, 1 at an
+        upper one, else 0.
         """
-        return self.shaped(np.split(self.held.sides, [self.points.z.shape[1]], axis=1))
+        sides = np.split(self.held.sides, [self.points.z.shape[1]], axis=1)
+        return self.shaped((*sides, self.held.points.y, self.held.points.z))
 
 
 def lead_of(name: str, part: np.ndarray) -> tuple[int, ...]:

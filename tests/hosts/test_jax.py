@@ -75,6 +75,26 @@ def test_a_singular_face_has_the_gradient_of_backward():
     np.testing.assert_allclose(gradient, exact.q, atol=1e-9)
 
 
+def test_multipliers_that_are_not_unique_have_the_gradient_of_backward():
+    """Of an assignment: those of an interior point belong to more bounds than held."""
+    k, rng = 10, np.random.default_rng(0)
+    rows = [np.kron(np.eye(k), np.ones(k)), np.kron(np.ones(k), np.eye(k))]
+    A, b, lb = np.vstack(rows)[:-1], np.ones(2 * k - 1), np.zeros(k * k)
+    P, q = np.zeros((k * k, k * k)), rng.uniform(1.0, 2.0, k * k)
+    dx, dy = rng.standard_normal(k * k), rng.standard_normal(2 * k - 1)
+
+    def loss(q, A):
+        found = solve_qp(P, q, A=A, b=b, lb=lb)
+        return dx @ found.x + dy @ found.y
+
+    gradients = jax.jit(jax.grad(loss, (0, 1)))(q, A)
+    result = namlcp.solve_qp(P, q, A=A, b=b, lb=lb)
+    exact = result.backward(dx, dy)
+    assert abs(result.y - result.derivative.point.y).max() > 0.1
+    for gradient, wanted in zip(gradients, (exact.q, exact.A), strict=True):
+        np.testing.assert_allclose(gradient, wanted, atol=1e-8)
+
+
 def test_items_without_a_solution_leave_the_others_alone():
     q = jnp.array([[-1.0], [jnp.nan], [-2.0]])
     G, h = jnp.array([[1.0], [-1.0]]), jnp.array([[3.0, 0.0], [3.0, 0.0], [-1.0, 0.0]])
