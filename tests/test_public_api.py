@@ -94,6 +94,17 @@ def test_results_can_be_compared_without_an_error():
     assert result != namlcp.solve_qp(np.eye(2), np.ones(2))
 
 
+@pytest.mark.parametrize("name", RESULTS)
+def test_a_deep_copy_of_a_result_shares_no_array(name):
+    result = RESULTS[name]
+    parts = {key: getattr(result, key) for key in type(result).__annotations__}
+    arrays = {key: part for key, part in parts.items() if isinstance(part, np.ndarray)}
+    other = copy.deepcopy(result)
+    for key, array in arrays.items():
+        np.testing.assert_array_equal(getattr(other, key), array)
+        assert not np.shares_memory(getattr(other, key), array)
+
+
 @pytest.mark.parametrize("name", [n for n in RESULTS if n != "BatchResult"])
 def test_a_result_is_true_where_a_solution_was_found(name):
     result = RESULTS[name]

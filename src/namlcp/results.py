@@ -105,8 +105,11 @@ class Single(metaclass=Public):
     def __reduce__(self) -> tuple[Any, ...]:
         """Leave the problem and the factors behind, in a pickle and in a copy."""
         kind = type(self)
-        data = {name: getattr(self, name) for name in data_of(kind)}
-        return partial(kind, **data), ()
+        return remade, (kind, {name: getattr(self, name) for name in data_of(kind)})
+
+
+def remade(kind: Any, data: dict[str, Any]) -> Any:
+    return kind(**data)
 
 
 class LCPResult(Single, LCPResultBase):
