@@ -791,7 +791,7 @@ def problem_of(result: Any) -> Any:
         lower = np.zeros(q.size) if lower is None else lower
         upper = np.full(q.size, np.inf) if upper is None else upper
         problem = LCP(matrix, q, lower, upper), A
-    if result.stamp not in (None, stamp_now(problem)):
+    if result.stamp is not None and result.stamp != stamp_now(problem):
         raise ValueError(CHANGED)
     if len(problem) == len(QP._fields):  # the arguments of `solve_small`
         return whole(*problem), problem[:6:2]
