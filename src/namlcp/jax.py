@@ -54,7 +54,8 @@ def solve_qp(
     P : (n, n) array
         Symmetrised: the QP is that of (P + P') / 2.
     q, G, h, A, b, lb, ub : arrays, optional from G on
-        As for `namlcp.solve_qp`.
+        As for `namlcp.solve_qp`, but of its shapes: no number for all bounds, no row
+        for a matrix.
     **settings
         The fields of `namlcp.Options`. Under vmap, threads are those of
         `namlcp.solve_batch`.

@@ -34,7 +34,8 @@ def solve_qp(
     P : (..., n, n) tensor
         Symmetrised: the QP is that of (P + P') / 2.
     q, G, h, A, b, lb, ub : tensors, optional from G on
-        As for `namlcp.solve_qp`. Leading axes of all arguments broadcast.
+        As for `namlcp.solve_qp`, but of its shapes: no number for all bounds, no row
+        for a matrix. Leading axes of all arguments broadcast.
     **settings
         The fields of `namlcp.Options`; threads are those of `namlcp.solve_batch` if
         there are leading axes.
