@@ -100,6 +100,9 @@ def solve_qp(
     data = []
     for name, value, shape in zip(AXES, given, shapes, strict=True):
         if value is None:
+            if shape[0] > 0 and name in ("G", "A"):
+                right = {"G": "h", "A": "b"}[name]
+                raise ValueError(f"{right} was given without {name}: pass both")
             value = jnp.full(shape, {"lb": -jnp.inf, "ub": jnp.inf}.get(name, 0.0))
         value = jnp.asarray(value, kind)
         if value.shape != shape:

@@ -124,5 +124,7 @@ def test_single_precision():
 def test_faults_are_named():
     with pytest.raises(ValueError, match=r"lb must have shape \(2,\) to match q"):
         solve_qp(jnp.eye(2), jnp.ones(2), lb=jnp.ones(3))
+    with pytest.raises(ValueError, match="h was given without G: pass both"):
+        solve_qp(jnp.eye(2), jnp.ones(2), h=jnp.ones(3))
     with pytest.raises(jax.errors.JaxRuntimeError, match="q must be finite"):
         jax.block_until_ready(solve_qp(jnp.eye(1), jnp.array([jnp.nan])))
