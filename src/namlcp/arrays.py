@@ -108,11 +108,16 @@ def _entries(array, kind, size):
 def stamp_of(parts, total=0):
     """Return a hash of the numbers of arrays, of sparse matrices without their places.
 
-    total: that of arrays before them; None counts for nothing.
+    total: that of arrays before them; None counts for nothing. It is 1 where others
+    have taken their places: whoever holds a sparse matrix may replace its numbers.
     """
     for part in cython.cast(tuple, parts):
         if part is not None:
             array: cnp.ndarray = part if cnp.PyArray_CheckExact(part) else part.data
+            kind = cnp.PyArray_TYPE(array)
+            is_double = cnp.PyArray_EquivTypenums(kind, cnp.NPY_DOUBLE)
+            if not (is_double and cnp.PyArray_ISONESEGMENT(array)):
+                return 1
             total = hash_of(data_of(array), cnp.PyArray_SIZE(array), total)
     return total
 

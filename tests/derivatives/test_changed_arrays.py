@@ -109,3 +109,17 @@ def test_a_solver_has_its_own_arrays(infeasible):
     for values in (*data.values(), *new.values()):
         values *= 100.0
     assert np.array_equal(result.backward(dx=np.ones(3)).q, expected)
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.float64])
+def test_other_numbers_in_the_place_of_a_sparse_matrix_are_noticed(kind):
+    """Of half the size, or every other one: none is read beyond their end."""
+    P = sparse.csc_array(2.0 * np.eye(500))
+    result = namlcp.solve_qp(P, -np.ones(500), -np.ones((1, 500)), [0.0])
+    A = sparse.csr_array(P)
+    solved = namlcp.solve_lcp(A, -np.ones(500))
+    for M in P, A:
+        M.data = np.full(1000, 2.0, kind)[::2]
+    for derivative in result.backward, solved.backward:
+        with pytest.raises(ValueError, match="one has been changed in place since"):
+            derivative(np.ones(500))
