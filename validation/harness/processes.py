@@ -2,7 +2,6 @@
 
 import multiprocessing as mp
 import os
-import resource
 import warnings
 from collections.abc import Callable
 from multiprocessing.connection import Connection
@@ -42,6 +41,8 @@ def raised(error: Exception) -> Row:
 
 def serve(pipe: Connection, work: Work, solver: str, data: Any) -> None:
     """Answer requests, each after its time limit: what the child process does."""
+    import resource  # Windows has none, where tests import the other functions
+
     warnings.simplefilter("ignore")
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # some solvers print unasked
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
