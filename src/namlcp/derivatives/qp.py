@@ -203,8 +203,8 @@ class QPDerivative:
         p, rows = qp.b.size, C.shape[0]
         side = whole[rows:]
         *rights, moved = right_sides(d, self.solution, side)
-        # of size 1, or absolute tolerances would admit a wrong derivative, or refuse it
-        unit = np.ldexp(1.0, np.frexp(largest(*rights, side * moved))[1])
+        # a short direction is scaled to size 1: tolerances are absolute
+        unit = min(1.0, np.ldexp(1.0, np.frexp(largest(*rights, side * moved))[1]))
         d = {name: v if v is None else v / unit for name, v in d.items()}
         point = self.steepest(whole, d)
         held, _, _ = sides_of(qp, point)
