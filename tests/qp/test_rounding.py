@@ -216,6 +216,15 @@ def test_a_point_that_passes_in_one_order_only_is_not_solved():
     assert judged(qp, (qp.P, None, qp.A), point).status is Status.SOLVED
 
 
+def test_a_row_that_came_as_a_sparse_vector_is_summed_in_its_order():
+    row = sp.coo_array((np.ones(3), (np.array([0, 2, 1]),)), shape=(3,))
+    qp = qp_data(sp.csc_array((3, 3)), np.zeros(3), None, None, row, [0.0], None, None)
+    x = np.array([1e16, 1.0, -1e16])
+    point = Point(x, np.zeros(1), np.empty(0), np.zeros(3))
+    assert qp_residuals(*qp, *point).primal == 0.0
+    assert judged(qp, (qp.P, None, row), point).residuals.primal == 1.0
+
+
 def test_nothing_is_asked_where_rounding_is_within_tolerance(monkeypatch):
     qp, A, point = cancelling()
     point = point._replace(y=np.array([1.0, 1e-16, -1.0]))

@@ -140,15 +140,14 @@ class Judge:
 
     def take_order_of_user(self):
         """Measure from now on in the order in which the user's matrices are stored."""
-        own = self.qp.P, self.qp.G, self.qp.A
-        P, G, A = (
-            mine if M is None else M if sp.issparse(M) else np.array(M, float, ndmin=2)
-            for M, mine in zip(self.given, own, strict=True)
-        )
-        if asymmetry(matrix("P", P, "csc"))[0] > 0.0:
-            P = self.qp.P  # (P + P') / 2
-        self.qp, self.given = self.qp._replace(P=P, G=G, A=A), None
-        self.is_columns = all(map(is_clean_csc, (P, G, A)))
+        qp, self.given, given = self.qp, None, zip("PGA", self.given, strict=True)
+        for name, M in given:
+            if M is not None:  # one row may be a vector
+                M = M if sp.issparse(M) else np.array(M, float)
+                qp = qp._replace(**{name: M.reshape(getattr(qp, name).shape)})
+        if asymmetry(matrix("P", qp.P, "csc"))[0] > 0.0:
+            qp = qp._replace(P=self.qp.P)  # (P + P') / 2
+        self.qp, self.is_columns = qp, all(map(is_clean_csc, (qp.P, qp.G, qp.A)))
         self.message = BY_LUCK  # unless a point passes
         if self.point is not None:
             self.best = INFINITY
