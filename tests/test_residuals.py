@@ -74,6 +74,16 @@ def test_wrong_sizes_are_refused(sparse, place):
         natural_residual(n, n, p, n)
 
 
+def test_a_matrix_of_another_shape_is_named():
+    n, m, p = np.ones(3), np.ones(2), np.ones(1)
+    data = [np.eye(3), n, np.ones((2, 3)), m, np.ones((1, 3)), p, -n, n, n, p, m, n]
+    for name, place, rows in (("P", 0, 3), ("G", 2, 2), ("A", 4, 1)):
+        for shape in ((rows, 4), (rows + 1, 3)):
+            wrong = [*data[:place], np.ones(shape), *data[place + 1 :]]
+            with pytest.raises(ValueError, match=rf"^{name} must .* \({rows}, 3\)"):
+                qp_residuals(*wrong)
+
+
 def test_none_stands_for_absent_bounds():
     P, one = np.eye(2), np.ones(2)
     none, free = (np.empty((0, 2)), np.empty(0)), np.full(2, np.inf)

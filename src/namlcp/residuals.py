@@ -124,6 +124,10 @@ def qp_residuals(
         if right.shape != multiplier.shape:
             both = f"{right.shape} and {multiplier.shape}"
             raise ValueError(f"{names} must have one shape, got {both}")
+    for name, C, right in (("P", P, q), ("G", G, h), ("A", A, b)):
+        wanted = right.size, x.size
+        if C.shape != wanted:
+            raise ValueError(f"{name} must have shape {wanted}, got {C.shape}")
     q, h, b, lb, ub = (np.ascontiguousarray(v, float) for v in (q, h, b, lb, ub))
     point = tuple(np.ascontiguousarray(v, float) for v in (x, y, z, z_box))
     Gtz, Aty = np.zeros((2, x.size))
