@@ -201,6 +201,21 @@ def test_full_rows_are_condensed(m, first, wrong, soft):
         factors.refactor(kkt.data)
 
 
+def test_factors_of_another_pattern_are_not_taken_for_known():
+    """x_0 <= 1 and x_1 <= 1 make K of the same numbers in other places."""
+    qps = [make_qp(np.eye(2), np.ones(2), row, [1.0]) for row in np.eye(2)[:, None]]
+    first = ScaledQP(presolve(qps[0], 1e-9, 0.0))
+    first.kkt.plan()
+    first.kkt.factored[:] = 1.0
+    same = ScaledQP(presolve(make_qp(*qps[0]), 1e-9, 0.0), first).kkt
+    other = ScaledQP(presolve(qps[1], 1e-9, 0.0), first).kkt
+    np.testing.assert_array_equal(other.base, first.kkt.base)
+    assert same.factors is first.kkt.factors
+    assert same.factored is first.kkt.factored
+    assert other.factors is None
+    assert np.isnan(other.factored).all()
+
+
 @pytest.mark.parametrize("place", [0, 1, 2])
 def test_the_norm_of_a_residual_with_nan_is_nan(place):
     r, weight = np.array([1.0, -6.0, 2.0]), np.array([1.0, 2.0, 4.0])

@@ -273,7 +273,7 @@ class ScaledQP:
             if not np.count_nonzero(small.P.data):
                 even_out(*matrix, self.scale, self.kkt.data)
             equilibrate(*matrix, self.scale)
-            if old is not None and np.array_equal(old.base, self.kkt.base):
+            if self.kkt.factors and np.array_equal(old.base, self.kkt.base):
                 self.kkt.factored = old.factored
         self.kkt.data[:] = self.kkt.base
         self.unit = self.scale.copy()
