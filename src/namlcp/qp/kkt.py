@@ -261,9 +261,7 @@ class ScaledQP:
     def __init__(self, small, last=None):
         n, p = small.q.size, small.b.size
         self.small, self.n, self.p = small, n, p
-        if last is not None and all(
-            getattr(small, name) is getattr(last.small, name) for name in "PAG"
-        ):
+        if last is not None and small.A is last.small.A:  # as are P and G then
             self.kkt, self.scale = last.kkt, last.scale
         else:
             old = None if last is None else last.kkt
