@@ -97,7 +97,7 @@ class KKT:
         """Factor K~; False if a pivot vanishes."""
         try:
             self.plan().refactor(self.data)
-        except (RuntimeError, ValueError):
+        except ValueError:
             return False
         return True
 
