@@ -17,7 +17,7 @@ cdef class Interior(Watched):
         # entries; the length of a point (x, y, Z, flags of the active constraints).
         readonly Py_ssize_t n, p, m, size, nnz, length
         readonly object problem, chain, judge, limits
-        object kkt, given
+        object kkt
         Factors factors
         # The problem: K and K~ without and with its varying diagonal, the diagonal that
         # is factored; one-sided constraints are sign * t[place] + W = c with slacks W >= 0

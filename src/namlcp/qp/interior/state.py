@@ -83,16 +83,14 @@ def lay_out(m):
 def attach(m):
     """Take the vectors of the problem, which a restart replaces."""
     kkt, problem = m.kkt, m.problem
-    m.given = problem.q, problem.b, problem.c
     m.indptr, m.indices = places(kkt.indptr, m.size + 1), places(kkt.indices, m.nnz)
     m.base, m.data = numbers(kkt.base, m.nnz), numbers(kkt.data, m.nnz)
     m.factored = numbers(kkt.factored, m.size)
     m.factors = kkt.plan(True, m.limits.deadline)
     m.place, m.sign = places(problem.place, m.m), numbers(problem.sign, m.m)
     m.unit = numbers(problem.unit, m.size)
-    m.q, m.b, m.c = (
-        numbers(problem.q, m.n), numbers(problem.b, m.p), numbers(problem.c, m.m),
-    )  # fmt: skip
+    m.q, m.b = numbers(problem.q, m.n), numbers(problem.b, m.p)
+    m.c = numbers(problem.c, m.m)
     m.cost, m.goal_b, m.goal_c = m.q, m.b, m.c
     return 0
 
