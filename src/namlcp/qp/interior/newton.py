@@ -70,10 +70,9 @@ NEEDED, BEHIND = 0.1, 1e-4
 def multiply(m, x, v, Px, Ctv, t):
     """Set Px = P x, Ctv = C'v[n:] and t = (x, C x)."""
     indptr, indices, base = m.indptr, m.indices, m.base
-    for j in range(m.n):
-        Px[j] = 0.0
-        Ctv[j] = 0.0
-        t[j] = x[j]
+    fill(Px, 0.0, m.n)
+    fill(Ctv, 0.0, m.n)
+    copy(x, t, m.n)
     for j in range(m.n):
         k, last = indptr[j], indptr[j + 1] - 1
         total = base[last] * x[j]
