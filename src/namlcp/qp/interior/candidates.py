@@ -309,7 +309,6 @@ def project_multipliers(m, candidate):
     y, Z = y / size, Z / size
     w = np.sqrt(Z)
     weight = sums(m, w)
-    kkt.data[:] = kkt.base
     kkt.data[: kkt.indptr[n]] = 0.0
     diagonal = np.full(kkt.size, -1.0)
     diagonal[:n] = PROJECTION + weight[:n]
