@@ -171,13 +171,13 @@ def answer(m, wants):
     if m.judge.is_solved:
         return Status.SOLVED
     verdict = find_proof(m) if wants & PROVE else None
-    if verdict is None and wants & DOUBT and m.judge.is_disproved():
+    if verdict is not None:
+        return verdict
+    if wants & DOUBT and m.judge.is_disproved():
         return Status.PRIMAL_INFEASIBLE
-    if verdict is None and m.iterations < m.max_iter and is_late(m):
+    if m.iterations < m.max_iter and is_late(m):
         return Status.TIME_LIMIT
-    if verdict is None and m.refused >= MOST_REFUSED:
-        return Status.STALLED
-    return verdict
+    return Status.STALLED if m.refused >= MOST_REFUSED else None
 
 
 # ---- an iteration
