@@ -44,8 +44,8 @@ CLOSE = 1e3
 # DROP_LARGE, since the last refinement; and from STEADY times the tolerance on an
 # active set that did not change in the last iteration.
 NEAR, NEAR_MU, DROP, DROP_LARGE, STEADY = 1e-2, 1e-7, 0.1, 1e-3, 100.0
-# These are asked where the primal residual is FAR times its tolerance or more and
-# RESISTS iterations have not halved the worst one.
+# The least shifts are asked where the primal residual is above FAR times its tolerance
+# and RESISTS iterations have not halved the worst one.
 FAR = 10.0
 # Passes over the entries of L in one iteration, about.
 PASSES = 20.0
