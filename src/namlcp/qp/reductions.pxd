@@ -23,4 +23,4 @@ cdef Py_ssize_t merge_rows(Py_ssize_t rows, const int* number, const double* rat
 cdef Py_ssize_t wrong_empty_row(Py_ssize_t rows, const int* number, const double* sides, bint equal, double tol) noexcept
 cdef int find_free_columns(object qp, object choice, object parts) except -1
 cdef Py_ssize_t only_entry(const Columns* C, Py_ssize_t j) noexcept nogil
-cdef Py_ssize_t drop_filling_rows(const Columns* A, Py_ssize_t n, Py_ssize_t rows, int* chosen, const double* cost) except -1
+cdef int drop_filling_rows(const Columns* A, Py_ssize_t n, Py_ssize_t rows, int* chosen, const double* cost) except -1
