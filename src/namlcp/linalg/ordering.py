@@ -59,7 +59,7 @@ class Supernodes(NamedTuple):
     """The layout of L; all indices are positions in the order.
 
     Supernode s has the columns first[s] : first[s + 1], its rows are rows[starts[s] :
-    starts[s + 1]], ascending, its own columns first. Its block, row-major, is
+    starts[s + 1]], ascending, its own columns first. Its block, column-major, is
     panels[s] : panels[s + 1] of the values, parent[s] the supernode of its first row
     below the block, -1 if there is none.
     Column j of the matrix has the entries data[source[t]] in the rows below[t], for t
