@@ -22,6 +22,10 @@ from namlcp.linalg.csc import times
 from namlcp.qp.problem import NO_ENTRIES
 from namlcp.status import Status
 
+# Relative tolerances that are tried one after another on a large LCP.
+SHARPER = (ACCURACY, 1e-11, 1e-13)
+FORM = "bounds"
+
 
 def is_box_open(lower, upper):
     """Tell whether the box has a finite point."""
@@ -31,11 +35,6 @@ def is_box_open(lower, upper):
         if low[j] > high[j] or low[j] == INFINITY or high[j] == -INFINITY:
             return False
     return True
-
-
-# Relative tolerances that are tried one after another on a large LCP.
-SHARPER = (ACCURACY, 1e-11, 1e-13)
-FORM = "bounds"
 
 
 def solve_bounds(qp, chain, guess, judge, memory):
