@@ -87,8 +87,8 @@ class Fronts(Factors):
         held = np.empty(number, np.intp)
         self.stack = stack_updates(self, longs(held, number))
         threads = threads if t.pieces > 1 else 1
-        width: Py_ssize_t = f.max() + 3
-        room = max(((f - k) * k).max(), BLOCK * f.max()) + width
+        width: Py_ssize_t = f.max()
+        room = max(((f - k) * k).max(), BLOCK * width) + width
         stack, work = np.empty(self.stack), np.empty((threads, room))
         z = np.zeros((threads, n))
         t.stack = numbers(stack, self.stack)
