@@ -55,6 +55,13 @@ def test_more_threads_where_they_pay(order, expected):
     assert set(numbers()) == {1}
 
 
+def test_others_are_left_beside_a_blas_that_is_not_known(monkeypatch):
+    monkeypatch.setattr(threads, "settings", list)
+    with blas_threads(2, LARGE, dense=False):
+        assert threads.THREADS.get() == 2
+    assert threads.THREADS.get() == 1
+
+
 def test_solves_at_once_restore_what_the_first_one_found():
     entered, leave = threading.Barrier(2), threading.Event()
 

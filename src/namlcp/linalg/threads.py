@@ -125,7 +125,7 @@ def blas_threads(
     `order`: of the largest matrix that may be dense; up to UNTOUCHED_ORDER nothing is
     set. Unless it is `dense`, BLAS has one, and the others are left: `THREADS`.
     """
-    if order <= UNTOUCHED_ORDER or not settings():
+    if order <= UNTOUCHED_ORDER:
         return contextlib.nullcontext()
     blas = threads if dense and order >= WORTH_ORDER else 1
     return limited(threads // blas, blas)
