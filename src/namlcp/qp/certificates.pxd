@@ -1,4 +1,4 @@
-from namlcp.arrays cimport numbers, places
+from namlcp.arrays cimport numbers
 from namlcp.linalg.vectors cimport fill, largest_entry
 from namlcp.qp.kkt cimport Matrix, equilibrate_parts, first_of, place_of, take_matrix
 
