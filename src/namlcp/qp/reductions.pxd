@@ -20,7 +20,6 @@ cdef tuple split_columns(object lb, object ub)
 cdef int group_rows(Py_ssize_t m, Py_ssize_t n, int* indptr, int* indices, double* data, int* number, double* ratio) except -1
 cdef double multiple(const int* indices, const double* data, Py_ssize_t a, Py_ssize_t a_end, Py_ssize_t c, Py_ssize_t c_end) noexcept
 cdef Py_ssize_t merge_rows(Py_ssize_t rows, const int* number, const double* ratio, const double* sides, bint equal, double tol, object ends, object givers) except -2
-cdef Py_ssize_t wrong_empty_row(Py_ssize_t rows, const int* number, const double* sides, bint equal, double tol) noexcept
 cdef int find_free_columns(object qp, object choice, object parts) except -1
 cdef Py_ssize_t only_entry(const Columns* C, Py_ssize_t j) noexcept nogil
 cdef int drop_filling_rows(const Columns* A, Py_ssize_t n, Py_ssize_t rows, int* chosen, const double* cost) except -1

@@ -150,12 +150,15 @@ def merged(name, count, groups, values, tol):
     (number, ratio), found = groups, []
     rows: Py_ssize_t = values.size
     of, by, own = places(number, rows), numbers(ratio, rows), numbers(values, rows)
-    i = wrong_empty_row(rows, of, own, equal, tol)
-    if i >= 0:
-        proof = np.zeros(values.size)
-        proof[i] = -np.sign(values[i])
-        text = f"row {i} of {name} has no free variable, but the right-hand side"
-        found.append((f"{text} {values[i]:g}", proof))
+    for r in range(rows):  # the first empty one that no x satisfies
+        if of[r] == EMPTY and (
+            fabs(own[r]) > tol if equal else -INFINITY < own[r] < -tol
+        ):
+            proof = np.zeros(rows)
+            proof[r] = -np.sign(own[r])
+            text = f"row {r} of {name} has no free variable, but the right-hand side"
+            found.append((f"{text} {own[r]:g}", proof))
+            break
     sides, givers = np.empty((2, count)), np.empty((2, count), np.intp)
     k = merge_rows(rows, of, by, own, equal, tol, sides, givers)
     if k >= 0:
@@ -282,16 +285,6 @@ def multiple(indices, data, a, a_end, c, c_end):
         if indices[a + t] != indices[c + t] or not far <= SAME * fabs(data[c + t]):
             return 0.0
     return ratio
-
-
-def wrong_empty_row(rows, number, sides, equal, tol):
-    """Return the first empty row that no x satisfies within tol, or -1."""
-    for i in range(rows):
-        if number[i] != EMPTY:
-            continue
-        if (fabs(sides[i]) > tol) if equal else -INFINITY < sides[i] < -tol:
-            return i
-    return -1
 
 
 def merge_rows(rows, number, ratio, sides, equal, tol, ends, givers):
