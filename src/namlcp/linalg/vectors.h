@@ -4,6 +4,7 @@
    -ffp-contract=off the code for AVX2 and that for any x86-64, between which the loader
    chooses (HOT), give the same bits. */
 #include <stddef.h>
+#include <string.h>
 
 #if defined(__x86_64__) && defined(__linux__) && defined(__GLIBC__) && \
     !defined(__SANITIZE_ADDRESS__) && !defined(NAMLCP_NATIVE) && \
@@ -102,12 +103,12 @@ HOT void subtract_sum(double fa, const double *RESTRICT a, double fb,
    mixed, as in XXH3 (Collet, 2019). Vectors of numbers have these. `total`: the hash of
    the arrays before, whose order counts. */
 HOT unsigned long long hash_of(const double *values, ptrdiff_t n, unsigned long long total) {
-    const unsigned long long *bits = (const unsigned long long *)values;
-    unsigned long long own = 0, key = 0x9E3779B97F4A7C15ull;
+    unsigned long long bits, own = 0, key = 0x9E3779B97F4A7C15ull;
     for (ptrdiff_t i = 0; i < n; i++) {
-        unsigned long long v = bits[i] ^ key;
+        memcpy(&bits, values + i, sizeof bits);
+        unsigned long long v = bits ^ key;
         v ^= v >> 29;
-        own += bits[i] + (v & 0xFFFFFFFFull) * (v >> 32);
+        own += bits + (v & 0xFFFFFFFFull) * (v >> 32);
         key += 0x9E3779B97F4A7C15ull;
     }
     return own + total * 0xC2B2AE3D27D4EB4Full;
