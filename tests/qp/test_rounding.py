@@ -309,3 +309,18 @@ def test_what_is_correctable():
     assert is_correctable(point._replace(dual=5e-7), 1e-9, 0.0)
     assert not is_correctable(point, 1e-3, 0.0)  # nothing to correct
     assert not is_correctable(point._replace(primal=np.nan), 1e-9, 0.0)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_refined_point_is_measured_at_its_own_rows(seed):
+    """Refinement moves x along a flat direction, and across a row near it."""
+    rng, n = np.random.default_rng(seed), 6
+    Q, size = np.linalg.qr(rng.normal(size=(n, n)))[0], np.logspace(0.0, -8.0, n)
+    P, q = (Q * size) @ Q.T, Q @ np.append(rng.normal(size=n - 1) * size[:-1], -1e-3)
+    P, G = 0.5 * (P + P.T), np.ascontiguousarray(Q[:, -1:].T)
+    at = G @ np.linalg.solve(P, -q)
+    for change in np.linspace(-3e-9, 3e-9, 61):
+        h = at + change * abs(at)
+        found = solve_qp(P, q, G, h, eps_abs=1e-5, eps_rel=0.0)
+        violation = max(0.0, (G @ found.x - h)[0])
+        assert found.residuals.primal == pytest.approx(violation, abs=1e-9)
