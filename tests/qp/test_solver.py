@@ -21,6 +21,7 @@ from walks_qp import FAMILIES, Walk, portfolio, sparse_portfolio
 
 from namlcp import Options, QPResult, Solver, Status, qp_residuals, solve_qp
 from namlcp.qp.intake import qp_data
+from namlcp.qp.kkt import KKT
 from validation.stress import campaign_relations
 
 INF = np.inf
@@ -342,6 +343,23 @@ def test_a_late_solve_leaves_the_solver_usable():
     assert late.solve().status is Status.TIME_LIMIT
     late.options = Options()
     assert late.solve().obj == pytest.approx(solve_qp(*known.qp).obj, abs=1e-9)
+
+
+def test_ctrl_c_ends_a_factorisation_with_another_weight(monkeypatch):
+    """That of P + W, which a compiled solve makes."""
+    P, factor, calls = sp.diags_array([1.0, 0.0], format="csc"), KKT.factor, []
+    solver = Solver(P, [1.0, -1.0], ub=[1.0, 1.0])
+
+    def interrupt(kkt):
+        calls.append(kkt)
+        if len(calls) == 1:
+            raise KeyboardInterrupt
+        return factor(kkt)
+
+    monkeypatch.setattr(KKT, "factor", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        solver.solve()
+    np.testing.assert_allclose(solver.solve().x, [-1.0, 1.0], atol=1e-9)
 
 
 def test_solvers_in_many_threads():

@@ -81,6 +81,8 @@ class SparseActiveSet:
                 self.is_ready = self.factor_and_try()
             except MemoryError:
                 self.is_ready = False
+            except BaseException as error:  # as Ctrl-C
+                self.is_ready, self.interrupted, self.error = False, True, error
         forget_responses(self)
         return self.is_ready
 
