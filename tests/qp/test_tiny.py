@@ -53,3 +53,20 @@ def test_a_result_of_matrices_by_columns_has_derivatives_until_they_change():
     G[0, 1] += 1.0
     with pytest.raises(ValueError, match="changed"):
         result.derivative  # noqa: B018
+
+
+@pytest.mark.parametrize("of_G", [np.array, np.asfortranarray, sp.csc_array])
+@pytest.mark.parametrize("of_A", [np.array, sp.csc_array])
+def test_a_sparse_cost_beside_dense_rows_has_derivatives(of_G, of_A):
+    P, q, ones = np.array([[2.0, 0.5], [0.5, 1.0]]), np.array([-1.0, -2.0]), np.ones(2)
+    G, h, A, b = np.ones((1, 2)), np.ones(1), np.array([[1.0, -1.0]]), np.full(1, 0.1)
+    expected = solve_qp(P, q, G, h, A, b).backward(ones, dz=[1.0])
+    found = solve_qp(sp.csc_array(P), q, of_G(G), h, of_A(A), b).backward(
+        ones, dz=[1.0]
+    )
+    np.testing.assert_allclose(found.q, expected.q, 0.0, 1e-12)
+    for name, kind in (("G", of_G), ("A", of_A)):
+        gradient, full = getattr(found, name), getattr(expected, name)
+        assert sp.issparse(gradient) == (kind is sp.csc_array)
+        gradient = gradient.toarray() if sp.issparse(gradient) else gradient
+        np.testing.assert_allclose(gradient, full, 0.0, 1e-12)

@@ -32,12 +32,12 @@ def qp_data(P, q, G, h, A, b, lb, ub):
 def whole(P, q, G, h, A, b, lb, ub):
     """Return the QP of clean arguments, but for the order of dense matrices.
 
-    Some may be None.
+    Some may be None. Beside a sparse P all matrices become sparse.
     """
     P, G, A = by_rows(P), by_rows(G), by_rows(A)
     rows, sides, below, above = absent_parts(q.size)
     if not cnp.PyArray_CheckExact(P):
-        rows = checks.no_rows(q.size)
+        rows, G, A = checks.no_rows(q.size), checks.as_sparse(G), checks.as_sparse(A)
     parts = (
         P, q,
         rows if G is None else G, sides if h is None else h,
