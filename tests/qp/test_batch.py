@@ -132,6 +132,24 @@ def test_a_weight_of_the_item_before_is_not_used():
     assert both.y[1].tobytes() == alone.y[0].tobytes()
 
 
+def test_the_entries_of_the_first_item_do_not_choose_the_way_of_others():
+    """Of two QPs with a singular P only the full one is for the dual method."""
+    problems = []
+    for fill in (1.0, 0.05):
+        rng = np.random.default_rng(1)
+        F, G = (
+            rng.normal(size=shape) * (rng.random(shape) < fill)
+            for shape in ((90, 20), (30, 90))
+        )
+        P, q, one = F @ F.T, rng.normal(size=90), np.ones(90)
+        problems.append(QP(0.5 * (P + P.T), q, G, one[:30], None, None, -one, one))
+    for order in (problems, problems[::-1]):
+        parts = {k: np.array(v) for k, *v in zip(NAMES, *order, strict=True)}
+        both = solve_batch(**parts | {"A": None, "b": None})
+        for found, problem in zip(both, order, strict=True):
+            assert found.form == solve_qp(*problem).form
+
+
 def test_a_bad_item_harms_no_other(mixed):
     expected = bits(solve_batch(**stack(mixed)))
     stacked = stack(mixed)

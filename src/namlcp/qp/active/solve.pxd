@@ -31,6 +31,7 @@ cdef int run(ActiveSet m) except -1
 cdef object result_of(ActiveSet m, object kind, object problem, double start, double ready)
 cdef Py_ssize_t height_of(object C, object d, Py_ssize_t n)
 cpdef int attach(DenseActiveSet m, object P, object G, object A, bint is_single) except -1
+cdef void set_effort(DenseActiveSet m) noexcept nogil
 cdef object small_form(object C)
 cdef object tiny_form(object C, Py_ssize_t n)
 cdef void suggest_signs(ActiveSet m, const double* z, const double* z_box) noexcept

@@ -70,8 +70,14 @@ def attach(m, P, G, A, is_single):
     if A is not None:
         m.p, m.A = cnp.PyArray_DIM(A, 0), data_of(A)
     make_room(m)
-    n, order = m.n, m.n + m.m + m.p
-    m.is_large = order > MOST_ORDER
+    m.is_large = m.rows + m.p > MOST_ORDER
+    set_effort(m)
+    return 0
+
+
+def set_effort(m):
+    """Choose from how many operations on others take over, and whether W is of use."""
+    n, order = m.n, m.rows + m.p
     m.most_operations, m.wanted = FEW_OPERATIONS, 0.0
     if n * order > FEW_ENTRIES:
         cost, rows = filled(m.P, n * n), filled(m.G, m.m * n) + filled(m.A, m.p * n)
@@ -79,7 +85,6 @@ def attach(m, P, G, A, is_single):
         m.most_operations += n * (OF_COST * cost + OF_ROWS * rows)
         if 100 * (cost + rows) < FULL * n * order:
             m.wanted = NO_WEIGHT
-    return 0
 
 
 def take_settings(m, settings, start):
@@ -422,7 +427,9 @@ def solve_items(
             m.x, m.y, m.z = out[0] + i * n, out[1] + i * p, out[2] + i * rows
             m.z_box = out[3] + i * n
             forget_rows(m)
-            m.is_ready = m.is_ready and not has_new_matrices
+            if has_new_matrices:
+                m.is_ready = False
+                set_effort(m)
             code[i] = m.decide()
             count[i] = m.pivots
             cython.cast(cython.pointer(Numbers), out[4])[i] = m.found
