@@ -185,7 +185,7 @@ class DenseActiveSet(ActiveSet):
     def begin(self):
         if not self.on_face:
             return ActiveSet.begin(self)
-        self.operations, self.base_size = 0.0, 0.0
+        self.base_size = 0.0
         for i in range(self.k):
             row = self.active[i]
             if isinf(goal_of(self, row, self.side[row])):

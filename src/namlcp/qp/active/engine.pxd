@@ -110,7 +110,7 @@ cdef void set_base_values(ActiveSet m) noexcept nogil
 cdef bint drop_wrong_signs(ActiveSet m) noexcept nogil
 cdef double size_of(ActiveSet m, const double* values) noexcept nogil
 cdef void choose_entering(ActiveSet m) noexcept nogil
-cdef bint is_certain(ActiveSet m) noexcept nogil
+cdef bint is_beyond(ActiveSet m, double share, double size) noexcept nogil
 cdef Code step(ActiveSet m) noexcept nogil
 cdef Code excuse(ActiveSet m) noexcept nogil
 cdef Code pivot(ActiveSet m) noexcept nogil

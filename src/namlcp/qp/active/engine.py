@@ -86,7 +86,6 @@ class ActiveSet(Watched):
         if the factors do not allow it.
         """
         set_base_values(self)
-        self.operations = 0.0
         for i in range(self.k - 1, -1, -1):
             row = self.active[i]
             if isinf(goal_of(self, row, self.side[row])):
@@ -405,14 +404,11 @@ def choose_entering(m):
     m.entering, m.entering_side, m.own = entering, at, 0.0
 
 
-def is_certain(m):
-    """Tell whether the entering row is violated beyond doubt, by an x of before."""
+def is_beyond(m, share, size):
+    """Tell if the entering row is violated by more than a share of its side and x."""
     row = m.entering
-    if row < 0:
-        return False
     goal, scale = goal_of(m, row, m.entering_side), m.scale[row]
-    size = fabs(goal) * scale + max(m.base_size, size_of(m, m.s))
-    return fabs(m.s[row] - goal) * scale > CERTAIN * size
+    return not fabs(m.s[row] - goal) * scale <= share * (fabs(goal) * scale + size)
 
 
 def step(m):
@@ -451,11 +447,8 @@ def excuse(m):
     CONTRADICTION if it cannot; STUCK if the rounding errors would be too large, or the
     multipliers cannot be had without the partial steps.
     """
-    row = m.entering
-    goal, scale = goal_of(m, row, m.entering_side), m.scale[row]
     m.set_x(m.rhs, m.multiplier, m.s)
-    terms = fabs(goal) * scale + size_of(m, m.s)
-    if not fabs(m.s[row] - goal) * scale <= NOISE * m.level * terms:
+    if is_beyond(m, NOISE * m.level, size_of(m, m.s)):
         set_contradiction(m)
         return CONTRADICTION
     m.level *= 10.0
@@ -469,9 +462,11 @@ def pivot(m):
     while True:
         if m.entering < 0:
             choose_entering(m)
-            if m.length < m.rows and not is_certain(m):
-                m.set_x(m.rhs, m.multiplier, m.s)
-                choose_entering(m)
+            if m.length < m.rows:  # s has an x of before
+                size = max(m.base_size, size_of(m, m.s))
+                if m.entering < 0 or not is_beyond(m, CERTAIN, size):
+                    m.set_x(m.rhs, m.multiplier, m.s)
+                    choose_entering(m)
             if m.entering < 0:
                 return DONE
             m.pivots += 1

@@ -75,7 +75,7 @@ def is_fit(m):
 
     That is one that is NaN, infinite or huge, or a side opposed to the other.
     """
-    m.pivots = 0
+    m.pivots, m.operations = 0, 0.0
     fine: cython.bint = True
     most = INFINITE
     for j in range(m.n):
