@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from namlcp import solve_lcp, solve_qp
+from namlcp import Solver, solve_lcp, solve_qp
 from namlcp.linalg import threads
 from namlcp.linalg.threads import UNTOUCHED_ORDER, WORTH_ORDER, blas_threads, settings
 
@@ -107,6 +107,24 @@ def test_solves_run_on_one_thread(monkeypatch):
     for solve in solves:
         with monkeypatch.context() as patch:
             assert seen_inside(patch, solve) == [{1}]
+
+
+@pytest.mark.parametrize("form", [np.array, sp.csc_array])
+def test_a_solver_makes_its_factors_on_one_thread(monkeypatch, form):
+    """Those of P, and what solves: of a dense QP it is made in the first solve."""
+    n, is_dense, solvers = LARGE, form is np.array, []
+
+    def begin():
+        P = form(np.eye(n) + is_dense)
+        solvers.append(Solver(P, np.linspace(-1.0, 1.0, n), lb=-1.0))
+        return solvers[0].solve()
+
+    with monkeypatch.context() as patch:
+        assert seen_inside(patch, begin)[::2] == [{1}] * (2 + is_dense)
+    solvers[0].update(q=np.ones(n))
+    with monkeypatch.context() as patch, pytest.raises(IndexError):
+        seen_inside(patch, solvers[0].solve)  # needs no other factors
+    assert set(numbers()) == {2}
 
 
 @pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")  # from Python 3.12 on

@@ -115,7 +115,8 @@ class Items:
         self.stamps = stamps_of_items(tuple(self.stacked.values()), self.size)
         self.shared_stamp = stamp_of(self.shared)
         if "P" not in self.stacked:
-            check_convex(self.shared.P)
+            with blas_threads(1, self.shared.q.size):
+                check_convex(self.shared.P)
 
     def refuse_changes(self, items: slice) -> None:
         """Raise ValueError unless the numbers of these items are as they were."""

@@ -110,9 +110,7 @@ def solve_checked(qp, options, guess, start, progress=None, memory=None, given=N
         proof, stage = contradiction(qp, limits, route)
         return proof is not None and judge.accept_multipliers(proof.x, proof.y, proof.z)
 
-    order = qp.q.size + qp.h.size + qp.b.size
-    threads = blas_threads(options.threads, order, qp.is_dense)
-    with threads, np.errstate(all="ignore"):
+    with threads_for(qp, options), np.errstate(all="ignore"):
         answer = route(qp, guess, limits, memory, given, doubt)
         if answer.status is Status.NUMERICAL_ERROR:
             nothing = Point(*(v * np.nan for v in answer.point))
@@ -124,6 +122,12 @@ def solve_checked(qp, options, guess, start, progress=None, memory=None, given=N
     if progress is not None:
         progress.close(answer, start)
     return answer
+
+
+def threads_for(qp, options):
+    """Let BLAS have the threads that a solve may use, in a `with` block."""
+    order = qp.q.size + qp.h.size + qp.b.size
+    return blas_threads(options.threads, order, qp.is_dense)
 
 
 def route(qp, guess, limits, memory=None, given=None, doubt=None):

@@ -23,7 +23,13 @@ from namlcp.qp.active.engine import Code
 from namlcp.qp.intake import qp_data
 from namlcp.qp.judge import Judge, are_own
 from namlcp.qp.problem import NO_GUESS, QP, Guess, check_convex, make_guess
-from namlcp.qp.route import NO_TRANSFORMS, Memory, is_small, solve_checked
+from namlcp.qp.route import (
+    NO_TRANSFORMS,
+    Memory,
+    is_small,
+    solve_checked,
+    threads_for,
+)
 from namlcp.results import Public, QPResult, qp_result
 from namlcp.status import ENDS, Status
 
@@ -111,7 +117,8 @@ class Solver(metaclass=Public):
         self.options = Options.from_names(settings) if settings else DEFAULT_OPTIONS
         given = P, G, A = copied("P", P), copied("G", G), copied("A", A)
         qp = qp_data(P, q, G, h, A, b, lb, ub)
-        check_convex(qp.P)
+        with threads_for(qp, self.options):
+            check_convex(qp.P)
         self.hold_matrices(qp, given)
         self.vectors = qp.joined()  # replaced, never changed: results keep it
         self.last: Any = None  # the last result that is a solution
@@ -135,7 +142,8 @@ class Solver(metaclass=Public):
         # What solves, see `qp.active`, None if that is nothing for these matrices;
         # whether it has still to take new ones.
         suits = not qp.is_dense or is_small(qp)
-        self.active_set: Any = active.kept_for(qp) if suits else None
+        with threads_for(qp, self.options):
+            self.active_set: Any = active.kept_for(qp) if suits else None
         self.is_renewed, self.is_solving = False, False
         # Solves that it has tried in a row and left to others; those that are left to
         # these from now on without trying.
@@ -212,7 +220,8 @@ class Solver(metaclass=Public):
         if not qp.is_dense:  # P + P' is stored without zeros
             qp = qp._replace(P=within_pattern("P", qp.P, kept["P"]))
         if "P" in new:
-            check_convex(qp.P)
+            with threads_for(qp, self.options):
+                check_convex(qp.P)
         self.memory.convex = qp.P
         self.hold_matrices(qp, tuple(given.values()))
         self.is_renewed = True
@@ -273,10 +282,11 @@ class Solver(metaclass=Public):
             else:
                 if self.is_renewed:  # not before: a pause goes on with other values
                     self.is_renewed = False
-                    active.renew(m, self.qp)
+                    with threads_for(self.qp, options):
+                        active.renew(m, self.qp)
                 result = active.solve_next(
                     m, QPResult, (self.matrices, self.vectors, self.given),
-                    options.settings, start,
+                    options.settings, start, options.threads,
                 )  # fmt: skip
                 if result is None or not self.is_own:
                     result = self.judged(start)

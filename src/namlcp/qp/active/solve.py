@@ -17,6 +17,7 @@ from cython.cimports.libc.string import memcpy
 from scipy.sparse import csc_array, csc_matrix
 
 from namlcp.linalg.csc import as_dense
+from namlcp.linalg.threads import blas_threads
 from namlcp.options import DEFAULT_OPTIONS
 from namlcp.qp import problem
 from namlcp.qp.problem import Point
@@ -366,10 +367,14 @@ def solve(m, vectors, settings, start):
 
 
 def solve_next(
-    m: ActiveSet, kind, problem: tuple, settings: tuple, start: cython.double
+    m: ActiveSet, kind, problem: tuple, settings: tuple, start: cython.double, threads
 ):
     """Solve the QP with the vectors problem[1]; return the result, None if not DONE."""
-    solve(m, problem[1], settings, start)
+    if m.is_ready and m.rho == 0.0:
+        solve(m, problem[1], settings, start)
+    else:  # which may take LAPACK
+        with blas_threads(threads, m.rows + m.p, isinstance(m, DenseActiveSet)):
+            solve(m, problem[1], settings, start)
     return result_of(m, kind, problem, start, start) if m.code == DONE else None
 
 
