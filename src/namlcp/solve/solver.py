@@ -290,10 +290,9 @@ class Solver(metaclass=Public):
                 )  # fmt: skip
                 if result is None or not self.is_own:
                     result = self.judged(start)
-                elif not derivative:
-                    self.left, self.last = 0, result
-                    return result
-                if result is not None and result.status is SOLVED and derivative:
+                else:
+                    self.left = 0
+                if derivative and result is not None and result.status is SOLVED:
                     if self.qp.is_dense:
                         result.factors = active.factors_of(m)
             if result is None:
