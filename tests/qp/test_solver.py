@@ -133,6 +133,9 @@ def test_active_rows_are_kept_where_they_help(name, form):
         np.testing.assert_allclose(found.x, start.x, 0.0, 1e-9)
     other = Solver(**data)
     assert other.solve(start).iterations == 0
+    with pytest.raises(ValueError, match=r"warm_start.x must have shape"):
+        other.solve(Solver(np.eye(1), np.zeros(1)).solve())
+    assert other.solve().iterations == 0
 
 
 @pytest.mark.parametrize("form", FORMS)

@@ -269,14 +269,14 @@ class Solver(metaclass=Public):
         if derivative is not False:
             check_flag("derivative", derivative)
         m, options, result, guess = self.active_set, self.options, None, None
+        if warm_start is not None:
+            guess = make_guess(self.qp, None, warm_start)
         if self.is_solving:
             raise RuntimeError("a Solver is for one thread at a time: copy it for each")
         self.is_solving = True
         try:
-            if warm_start is not None:
-                guess = make_guess(self.qp, None, warm_start)
-                if m is not None:
-                    active.suggest(m, guess)
+            if guess is not None and m is not None:
+                active.suggest(m, guess)
             if self.pause > 0.0 or options.verbose:
                 self.pause = max(self.pause - 1.0, 0.0)
             else:
