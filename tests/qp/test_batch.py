@@ -164,6 +164,7 @@ def test_a_bad_item_harms_no_other(mixed):
     invalid = [Status.INVALID] * 4
     assert [batch.statuses[i] for i in bad] == [*invalid, Status.PRIMAL_INFEASIBLE]
     assert "positive semidefinite" in batch.messages[2]
+    assert {type(number) for number in batch.messages} == {int}
     assert batch[5].message == "q must be finite, got nan at (1)"
     assert batch[6].message == "G must be finite, got inf at (0, 0)"
     assert np.isnan(batch.x[bad]).all()
@@ -181,6 +182,11 @@ def test_a_warm_start_saves_iterations(mixed):
     solve_batch(**stack(mixed), warm_start=solve_batch(**stack(mixed)))
     with pytest.raises(ValueError, match="warm_start must have 20 items, got 18"):
         solve_batch(**stack(mixed), warm_start=first)
+    for other in (solve_qp([[1.0]], [1.0]), solve_batch(np.eye(1), np.ones((20, 1)))):
+        with pytest.raises(ValueError, match=r"^warm_start.x must have shape \(8,\)"):
+            solve_batch(**stack(mixed), warm_start=other)
+    with pytest.raises(TypeError, match="warm_start must be a QPResult"):
+        solve_batch(**stack(mixed), warm_start=1.0)
 
 
 @pytest.mark.parametrize(

@@ -157,7 +157,7 @@ def solve_items(
     left = np.arange(items.size)
     if starts is None and options.time_limit == np.inf:
         left = solve_stack(items, found, options, threads)
-    on_threads(lambda k: solve_one(left[k]), left.size, threads)
+    on_threads(lambda k: solve_one(int(left[k])), left.size, threads)
     found.obj = found.residuals["objective"].copy()
     for status, objective in OBJECTIVE.items():
         found.obj[found.codes == STATUSES.index(status)] = objective

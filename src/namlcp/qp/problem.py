@@ -274,7 +274,11 @@ def make_guess(qp: QP, x0: Any, warm_start: Any, name: str = "x0") -> Guess:
         size = 1.0 + np.abs(np.concatenate((qp.h, qp.lb, qp.ub)))
         active = np.isfinite(size) & (np.abs(slack) <= ACTIVE * size)
         return Guess(*qp.point(x), active.astype(np.int8))
-    check_warm_start(warm_start)
+    if not all(hasattr(warm_start, key) for key in Point._fields):
+        raise TypeError(
+            "warm_start must be a QPResult or a qpsolvers.Solution, with x, y, z and "
+            f"z_box, got {warm_start!r:.60}"
+        )
     parts: list[Any] = [getattr(warm_start, key) for key in Point._fields]
     if any(part is None for part in parts):  # a Solution without a point
         return NO_GUESS
@@ -289,12 +293,3 @@ def make_guess(qp: QP, x0: Any, warm_start: Any, name: str = "x0") -> Guess:
     active = np.concatenate((z > 0.0, z_box < 0.0, z_box > 0.0))
     active &= np.isfinite(np.concatenate((qp.h, qp.lb, qp.ub)))
     return Guess(*point, active.astype(np.int8))
-
-
-def check_warm_start(warm_start: Any) -> None:
-    """Raise a TypeError for what has not the parts of a point."""
-    if not all(hasattr(warm_start, key) for key in Point._fields):
-        raise TypeError(
-            "warm_start must be a QPResult or a qpsolvers.Solution, with x, y, z and "
-            f"z_box, got {warm_start!r:.60}"
-        )

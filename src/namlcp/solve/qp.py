@@ -17,7 +17,7 @@ from namlcp.options import DEFAULT_OPTIONS, Options, check_count, check_flag
 from namlcp.qp.active.solve import solve_small
 from namlcp.qp.batch import Items, available_cores, solve_items
 from namlcp.qp.intake import qp_data
-from namlcp.qp.problem import QP, check_warm_start, make_guess
+from namlcp.qp.problem import QP, make_guess
 from namlcp.qp.route import solve_checked
 from namlcp.results import BatchResult, QPResult, batch_result, qp_result
 from namlcp.status import QP_COLUMNS, Progress
@@ -217,13 +217,15 @@ def solve_batch(
         threads = available_cores()
     check_count("threads", threads)
     items = Items(dict(zip(QP._fields, (P, q, G, h, A, b, lb, ub), strict=True)))
-    if warm_start is not None and not isinstance(warm_start, BatchResult):
-        check_warm_start(warm_start)
-        warm_start = [warm_start] * items.size
-    if warm_start is not None and len(warm_start) != items.size:
-        raise ValueError(
-            f"warm_start must have {items.size} items, got {len(warm_start)}"
-        )
+    if warm_start is not None:
+        if not isinstance(warm_start, BatchResult):
+            warm_start = [warm_start] * items.size
+        if len(warm_start) != items.size:
+            raise ValueError(
+                f"warm_start must have {items.size} items, got {len(warm_start)}"
+            )
+        if items.size > 0:  # raises where that does not fit
+            make_guess(items.shared, None, warm_start[0])
     outcomes = solve_items(items, warm_start, options, threads)
     return batch_result(outcomes, items, perf_counter() - start)
 
