@@ -93,6 +93,24 @@ def test_free_and_pinned_unknowns_are_a_linear_system(rng, kind):
         np.testing.assert_allclose(result.z, z, atol=1e-8 * np.abs(z).max())
 
 
+@pytest.mark.parametrize("kind", ["symmetric", "nonsymmetric"])
+def test_last_rows_may_be_empty(rng, kind):
+    """Of large matrices, whose order does not follow from their entries."""
+    A = problems.laplacian(66)
+    if kind == "nonsymmetric":
+        A = sparse.csr_array(A - 0.1 * sparse.triu(A, 1))
+    A = sparse.csr_array(sparse.block_diag([A, sparse.csr_array((1000, 1000))]))
+    n = A.shape[0]
+    q, lower = rng.standard_normal(n), np.zeros(n)
+    q[-1000:], lower[-500:], q[-500:] = 1.0, -INF, 0.0
+    result = solve_lcp(A, q, lower)
+    assert result.method == "pivoting"
+    assert_solves_lcp(result, A, q, lower)
+    if kind == "symmetric":
+        result = solve_qp(sparse.csc_array(A), q, lb=lower)
+        assert result.status is Status.SOLVED
+
+
 @pytest.mark.parametrize("n", [225, 900])
 def test_boxes_of_sparse_matrices(rng, n):
     A, q = problems.laplacian(int(np.sqrt(n))), rng.standard_normal(n)

@@ -13,6 +13,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import cg, lsmr
 
+from namlcp.arrays import from_arrays
 from namlcp.lcp.data import LCP, Criterion, is_solved_by_zero
 from namlcp.lcp.pivoting.pivot import Code, pivot
 from namlcp.lcp.pivoting.state import Pivoting
@@ -129,7 +130,7 @@ class Attempt(Pivoting):
                 rows = np.flatnonzero(self.member)
                 indptr, indices, _ = self.lcp.matrix.columns
                 scaled = self.memory[10 * free.size :][: self.entries]
-                A = sparse.csc_array((scaled, indices, indptr))
+                A = from_arrays((indptr, indices, scaled), (free.size, free.size))
                 A = submatrix(A, rows, rows)
                 self.system = Shifted(A, np.ones(rows.size) if self.symmetric else None)
             shift = np.where(free, self.rho, HELD)[self.member]
