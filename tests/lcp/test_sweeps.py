@@ -329,6 +329,22 @@ def test_slow_sweeps_are_given_up(number):
     assert result.method == "multigrid"
 
 
+@pytest.mark.parametrize("delta", [4.0, 12.0])
+def test_sweeps_that_no_longer_move_end(delta):
+    """At the solution, whose last digits the first of two sweeps may have found."""
+    A, q, *_ = paper_example(1, 100, delta)
+    result = solve_lcp(A, q, eps_abs=1e-30)
+    assert (result.status, result.method) == (Status.SOLVED, "psor")
+    assert result.residual == 0.0
+
+
+def test_a_tolerance_far_below_the_data_is_no_error():
+    A, q, *_ = paper_example(1, 100, 0.5)
+    q = 1e30 * np.cos(np.arange(q.size))
+    result = solve_lcp(A, q, eps_abs=NEVER)
+    assert result.residual <= 1e-10 * np.abs(q).max()
+
+
 def bipartite_problem(seed):
     """Return an A, n = 40, whose even and odd rows have two colours, q and bounds."""
     rng = np.random.default_rng(seed)

@@ -64,7 +64,7 @@ def relax_until(
     The criterion costs a product with A. It is asked only if an estimate of the scaled
     Res from the last two sweeps is below its goal; a rejection divides that by 10.
     """
-    lcp, goal, before = criterion.lcp, criterion.goal, math.inf
+    lcp, goal, before = criterion.lcp, criterion.goal, 0.0
     _, q, lower, upper = lcp
     parts = *arrays_of(lcp.A), q, lower, upper, alpha, z
     second = lcp.matrix.second_colour if alpha > 1.0 else None
@@ -75,7 +75,7 @@ def relax_until(
             moved = relax(*parts, 1)
         else:
             before, moved = relax_coloured(*parts, second)
-        guess = moved * min(1.0, moved / before) if k > 1 else moved
+        guess = moved * (moved / before) if moved < before else moved
         if guess < goal or moved == 0.0:
             w = lcp.w(z)
             if criterion.accepts(z, w):
@@ -90,7 +90,7 @@ def relax_until(
             if not rate < 1.0:
                 left = math.inf
             elif goal > 0.0 < rate:
-                left = math.log(goal / moved) / math.log(rate)
+                left = (math.log(goal) - math.log(moved)) / math.log(rate)
             slow = slow + 1 if k + left > MOST_SWEEPS else 0
             if slow == (SLOW if alpha > 1.0 else 1):
                 return Status.STALLED, k, lcp.w(z)
