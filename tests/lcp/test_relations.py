@@ -144,6 +144,22 @@ def test_powers_of_two_are_exact(layout):
     np.testing.assert_array_equal(huge.z, plain.z * 2.0**600)
 
 
+@pytest.mark.parametrize("layout", [np.asarray, sparse.csr_array])
+@pytest.mark.parametrize("tiny", [0.0, 1e-120, 1e-160, 1e-200, 5e-324])
+def test_a_tiny_q_changes_nothing_where_bounds_are_none(layout, tiny):
+    A = layout([[2.0, -1.0], [-1.0, 2.0]])
+    result = solve_lcp(A, np.full(2, tiny), [1.0, 0.0])
+    assert result.status is Status.SOLVED
+    np.testing.assert_allclose(result.z, [1.0, 0.5])
+
+
+@pytest.mark.parametrize("bounds", [(1e10, np.inf), (0.0, 1e10), (-np.inf, -1e10)])
+def test_bounds_beyond_the_range_in_units_of_q_are_kept(bounds):
+    result = solve_lcp([[1.0]], [-1e-300], *bounds)
+    assert result.status is Status.SOLVED
+    assert result.z[0] == np.clip(1e-300, *bounds)
+
+
 # ---- limits, history, accuracy
 
 WHOLE = {  # problems of every engine that take several iterations

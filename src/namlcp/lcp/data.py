@@ -352,7 +352,8 @@ def is_solved_by_zero(lcp: LCP) -> bool:
 def lcp_data(matrix: Prepared, q: Any, lower: Any, upper: Any) -> tuple[LCP, float]:
     """Check the user's vectors; raise TypeError or ValueError, or return the LCP.
 
-    The number is 1, or a power of 2 near max |q_i| where squares may leave the range.
+    The number is 1, or a power of 2 near max |q_i| where squares may leave the range,
+    near that of w at clip(0) where q is tiny.
     """
     shape = matrix.A.shape
     n = shape[1]
@@ -375,7 +376,10 @@ def lcp_data(matrix: Prepared, q: Any, lower: Any, upper: Any) -> tuple[LCP, flo
             f"got lower[{i}] = {lower[i]:g}, upper[{i}] = {upper[i]:g} "
             "(from 1e20 on, no bound)"
         )
+    lcp = LCP(matrix, q, lower, upper)
     size = float(np.abs(q).max(initial=0.0))
-    is_usual = size == 0.0 or LEAST_SIZE < size < MOST_SIZE
-    unit = 1.0 if is_usual else 2.0 ** math.floor(math.log2(size))
-    return LCP(matrix, q, lower, upper), unit
+    if 0.0 < size <= LEAST_SIZE:
+        with np.errstate(all="ignore"):
+            size = float(np.abs(lcp.w(lcp.start())).max())
+    is_extreme = 0.0 < size <= LEAST_SIZE or MOST_SIZE <= size < math.inf
+    return lcp, 2.0 ** math.floor(math.log2(size)) if is_extreme else 1.0

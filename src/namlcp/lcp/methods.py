@@ -223,14 +223,14 @@ def solve_scaled(
     """Call a method on the LCP divided by `unit`, so that squares stay in range."""
     if unit == 1.0:
         return solve(lcp, z0, limits)
-    inner = LCP(lcp.matrix, lcp.q / unit, lcp.lower / unit, lcp.upper / unit)
     told = limits.report
     units = limits._replace(
         eps_abs=limits.eps_abs / unit,
         report=told and (lambda k, residual, active: told(k, residual * unit, active)),
     )
-    outcome = solve(inner, None if z0 is None else z0 / unit, units)
-    with np.errstate(over="ignore"):  # an entry of w that overflows is infinite
+    with np.errstate(over="ignore"):  # a bound or an entry that overflows is infinite
+        inner = LCP(lcp.matrix, lcp.q / unit, lcp.lower / unit, lcp.upper / unit)
+        outcome = solve(inner, None if z0 is None else z0 / unit, units)
         ray = None if outcome.ray is None else outcome.ray / unit
         if ray is not None and not np.isfinite(ray).all():
             ray = None
