@@ -104,7 +104,7 @@ def is_h_plus(A: Any) -> Verdict:
     A_ii > 0 and <A> v > 0 for some v > 0,  <A>_ii = |a_ii|, <A>_ij = -|a_ij|
 
     Then LCP(q, A), with any bounds, has exactly one solution for every q, and projected
-    relaxation and the modulus methods with Omega >= D converge to it.
+    SOR and, with Omega >= D, modulus SOR converge to it if alpha <= 1.
 
     Parameters
     ----------
