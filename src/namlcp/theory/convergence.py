@@ -11,13 +11,13 @@ that of s, so two runs s, t obey
 
     |s+ - t+| <= T |s - t|,   T = |(M + Omega)^-1| (|N| + |Omega - A|).             (2)
 
-*The paper's Theorem 2.* If rho(T) < 1 there is v > 0 with T v <= theta v, theta < 1:
+*The paper's Theorem 4.1.* If rho(T) < 1 there is v > 0 with T v <= theta v, theta < 1:
 (1) is a contraction in the norm max |s_i| / v_i, for every q and all bounds.
 
 *The comparison.* With C = <M + Omega> and W = |N| + |Omega - A|, if K = C - W is an
 M-matrix then rho(T) < 1: K v > 0 gives C v > W v >= 0, hence C is an M-matrix,
 |(M + Omega)^-1| <= C^-1 (Ostrowski), and where W v <= theta C v, T v <= C^-1 W v <=
-theta v. This is the paper's Theorem 3, repaired: where diag(M) >= 0,
+theta v. This is the paper's Theorem 4.2, repaired: where diag(M) >= 0,
 
     K = <M> - |N| + min(D, 2 Omega - D) - |B|,   B = L + U.
 
@@ -156,7 +156,7 @@ def converges(
     `namlcp.theory.convergence` states the theorems. In the order in which they are
     tried: 1. the comparison, sparse, any size; 2. projected SOR, symmetric positive
     (semi)definite A, 0 < alpha < 2; 3. "modulus", A + A' positive definite; and for n
-    <= 600: 4. Theorem 2 with |(M + Omega)^-1 N| + |(M + Omega)^-1 (Omega - A)|, which
+    <= 600: 4. Theorem 4.1 with |(M + Omega)^-1 N| + |(M + Omega)^-1 (Omega - A)|, which
     is at most its T, and for which its proof holds; 5. while no bound is active a sweep
     is a linear map, so that a spectral radius above 1 refutes it (q = -A e has the
     solution e); 6. a quadratic norm, which covers the paper's runs of NAMGS (Omega =
@@ -227,7 +227,7 @@ def by_comparison(parts: Splitting) -> Verdict:
     verdict = settle(K, "K is an M-matrix")
     if not verdict:
         return undecided(f"K = C - W is not an M-matrix ({verdict.checked})")
-    name = "Zheng and Yin 2013; Ahn 1981" if parts.H else "Theorem 3, repaired"
+    name = "Zheng and Yin 2013; Ahn 1981" if parts.H else "Theorem 4.2, repaired"
     theorem = f"contraction, rho(T) < 1, because K v > 0 ({name})"
     checked = verdict.checked.replace("rho(J)", "rho of K's Jacobi matrix")
     theta = float(np.max((W @ verdict.witness) / (C @ verdict.witness), initial=0.0))
@@ -320,7 +320,7 @@ def by_inverse(parts: Splitting) -> Verdict:
     if not theta < 1.0 - 1e-12 * len(N) * condition:
         return undecided("rho(T) < 1 is not seen")
     name = "T = |(M + Omega)^-1 N| + |(M + Omega)^-1 (Omega - A)|"
-    theorem = f"contraction, rho(T) < 1 for {name} (Theorem 2)"
+    theorem = f"contraction, rho(T) < 1 for {name} (Theorem 4.1)"
     checked = f"rho(T) <= {theta:.17g}, the largest (T v)_i / v_i"
     return Verdict(True, theorem, checked, v, theta)
 

@@ -9,7 +9,7 @@ triangular methods are
     m*:      (M + Omega) s+ = N s + (Omega - A) R(s) - 2 q
     am*, p*: (M + Omega) s+ = N s + (Omega - D + U) R(s) + L R(s+) - 2 q
 
-The first is the paper's Method 3.1, equation (4), where E = I; by the paper's Theorem 1
+The first is the paper's Method 3.1, equation (4), where E = I; by its Theorem 3.1
 and equation (3) its fixed points are the solutions. The second is its equation (2).
 
 Note that s + R(s) = 2 z. If the left matrix times s is subtracted from both sides, the
