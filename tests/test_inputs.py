@@ -389,6 +389,7 @@ KINDS = (Bodies, 4), (Contacts, 6)
         ({"normal": 2.0 * np.eye(3)[1:2]}, V, r"unit vectors, got 2 at \(0\)"),
         ({"mu": -np.ones(1)}, V, "Contacts.mu must not be negative, got -1"),
         ({"mass": np.zeros(1)}, V, "Bodies.mass must be positive, got 0"),
+        ({"first": -np.ones(1)}, T, "Contacts.first must hold integers, got float64"),
         ({"second": np.array([1])}, V, "second must be negative.* less than 1"),
         ({"point": np.zeros(3)}, V, r"Contacts.point must have shape \(1, 3\), got"),
         ({"gap": [0.0]}, T, r"Contacts.gap must be an array, got \[0.0\]"),

@@ -218,6 +218,8 @@ def check_scene(scene: Scene) -> None:
     refuse("Bodies.mass must be positive", ~(bodies.mass > 0.0), bodies.mass)
     for name in ("first", "second"):
         body = getattr(contacts, name)
+        if body.dtype.kind not in "iu":
+            raise TypeError(f"Contacts.{name} must hold integers, got {body.dtype}")
         words = f"Contacts.{name} must be negative, the ground, or less than {k}"
         refuse(words, body >= k, body)
 
