@@ -210,7 +210,7 @@ def solve_free(
 
 def suits(A: Any) -> bool:
     """Tell whether a_ii > 0, rows are short and most couplings are negative."""
-    if A.indices.dtype != np.int32 or A.nnz > MOST_ROW_ENTRIES * A.shape[0]:
+    if A.nnz > MOST_ROW_ENTRIES * A.shape[0]:
         return False
     d = A.diagonal()
     if not (d > 0.0).all():
