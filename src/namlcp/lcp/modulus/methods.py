@@ -47,7 +47,6 @@ class Sweep(NamedTuple):
     Factored methods have M = A, the others a triangular M.
     """
 
-    doc: str
     takes: tuple[str, ...]
     own: float = 0.0
     reflected: float = 0.0
@@ -56,26 +55,26 @@ class Sweep(NamedTuple):
 
 
 SWEEPS = {
-    # Bai's splittings, the paper's equation (2), and the accelerated form of the paper,
-    # Method 3.1 or equation (4): its variants 3, 4, 5 and 6.
-    "mgs": Sweep("modulus Gauss-Seidel", ("omega",)),
-    "msor": Sweep("modulus SOR", ("alpha", "omega")),
-    "maor": Sweep("modulus AOR", ("alpha", "beta", "omega")),
-    "namj": Sweep("the paper's Jacobi", ("omega", "shift"), 1.0, beta=0.0),
-    "namgs": Sweep("the paper's Gauss-Seidel", ("omega", "shift"), 1.0),
-    "namsor": Sweep("the paper's SOR", ("alpha", "omega", "shift"), 1.0),
-    "namaor": Sweep("the paper's AOR", ("alpha", "beta", "omega", "shift"), 1.0),
-    # Zheng and Yin's, and those with Omega = D/alpha, which are projected SOR.
-    "amgs": Sweep("accelerated modulus Gauss-Seidel", ("omega",), -1.0, 2.0),
-    "amsor": Sweep("accelerated modulus SOR", ("alpha", "omega"), -1.0, 2.0),
-    "pgs": Sweep("projected Gauss-Seidel", (), -1.0, 2.0),
-    "psor": Sweep("projected SOR", ("alpha",), -1.0, 2.0),
+    # Bai's splittings, the paper's equation (2): modulus Gauss-Seidel, SOR and AOR.
+    "mgs": Sweep(("omega",)),
+    "msor": Sweep(("alpha", "omega")),
+    "maor": Sweep(("alpha", "beta", "omega")),
+    # The accelerated form of the paper, Method 3.1 or equation (4): its variants 3
+    # (Jacobi), 4 (Gauss-Seidel), 5 (SOR) and 6 (AOR).
+    "namj": Sweep(("omega", "shift"), 1.0, beta=0.0),
+    "namgs": Sweep(("omega", "shift"), 1.0),
+    "namsor": Sweep(("alpha", "omega", "shift"), 1.0),
+    "namaor": Sweep(("alpha", "beta", "omega", "shift"), 1.0),
+    # Zheng and Yin's accelerated ones, and those with Omega = D/alpha, which are
+    # projected Gauss-Seidel and projected SOR.
+    "amgs": Sweep(("omega",), -1.0, 2.0),
+    "amsor": Sweep(("alpha", "omega"), -1.0, 2.0),
+    "pgs": Sweep((), -1.0, 2.0),
+    "psor": Sweep(("alpha",), -1.0, 2.0),
     # Bai's with M = A, and the variants 1 and 2 of Method 3.1.
-    "modulus": Sweep("modulus with M = A", ("omega",), factored=True),
-    "nam": Sweep("the paper's variant 1", ("omega", "shift"), 1.0, factored=True),
-    "modified-nam": Sweep(
-        "the paper's variant 2", ("alpha", "omega", "shift"), 1.0, factored=True
-    ),
+    "modulus": Sweep(("omega",), factored=True),
+    "nam": Sweep(("omega", "shift"), 1.0, factored=True),
+    "modified-nam": Sweep(("alpha", "omega", "shift"), 1.0, factored=True),
 }
 
 
