@@ -34,7 +34,7 @@ from namlcp.lcp.tridiagonal import solve_tridiagonal
 from namlcp.limits import Deadline, Limits
 from namlcp.linalg.threads import blas_threads
 from namlcp.options import nearest
-from namlcp.status import Outcome, Status
+from namlcp.status import ENDS, Outcome, Status
 
 # Least order n at which projected SOR and multigrid are tried on a sparse A.
 LARGE_LCP = 10_000
@@ -205,8 +205,7 @@ def solve_next(lcp: LCP, unit: float, limits: Limits) -> Outcome:
     """Solve the next LCP with a `Prepared` matrix, from the face of the last one."""
     matrix = lcp.matrix
     outcome = solve_scaled(lcp, unit, solve_auto, matrix.last, limits)
-    undecided = outcome.status not in (Status.SOLVED, Status.TIME_LIMIT)
-    if undecided and matrix.last is not None:
+    if outcome.status not in ENDS and matrix.last is not None:
         outcome = solve_scaled(lcp, unit, solve_auto, None, limits)
     if outcome.status is Status.SOLVED and outcome.method == "pivoting":
         matrix.last = outcome.point.z
