@@ -308,7 +308,7 @@ class LCP(NamedTuple):
 
 
 class Criterion:
-    """The stopping criterion of "auto" and "multigrid" with the tolerances of `limits`.
+    """The stopping criterion of all but the sweep methods, with tolerances of `limits`.
 
     A point z solves a box LCP if Res(z) < eps_abs for the problem as given, or if
     Res(z) <= eps_rel Res(clip(0)) for the problem scaled to a unit diagonal.
