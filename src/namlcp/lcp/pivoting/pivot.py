@@ -110,14 +110,14 @@ def begin_pivoting(m):
     # First z = clip(0), whose Res is the reference of eps_rel; then the start.
     for i in range(n):
         z[i] = min(max(0.0, lower[i]), upper[i])
-    for start in range(2):
-        write_w(m, w)
-        record(m)
-        if start == 0:
-            m.size = m.best_residual
-            copy(m.centre, z, n)
-        if m.size == 0.0 or (m.solved and start == 0):
-            return DONE
+    write_w(m, w)
+    record(m)
+    m.size = m.best_residual
+    if m.solved:
+        return DONE
+    copy(m.centre, z, n)
+    write_w(m, w)
+    record(m)
     if m.solved and meets(m, START_MARGIN):
         return DONE
     eps = 0.01 * m.eps_rel * m.size / sqrt(n)
