@@ -392,12 +392,12 @@ def solve_small(kind, begun, given, A, q, lower, upper, start, stamp):
         return None
     if residual != 0.0 and not 1e-100 < residual < 1e100:
         return None  # sums of squares have left the range
-    total: cython.ulonglong = hash_of(values, n * n, 0) if stamp is None else stamp
-    total = hash_of(m.high, n, hash_of(m.low, n, hash_of(data_of(q), n, total)))
+    found: cython.ulonglong = hash_of(values, n * n, 0) if stamp is None else stamp
+    found = hash_of(m.high, n, hash_of(m.low, n, hash_of(data_of(q), n, found)))
     result: LCPResultBase = made(kind)
     result.status, result.z, result.w, result.s = SOLVED, z, w, s
     result.iterations, result.residual = m.factorisations, residual
-    result.method, result.message, result.stamp = "pivoting", "", total
+    result.method, result.message, result.stamp = "pivoting", "", found
     result.problem = given, bool(m.symmetric), q, lower, upper
     result.solve_time = perf_counter() - begun
     return result
