@@ -67,7 +67,7 @@ EQUAL_SUMS, SINGULAR_CONDITION = 1e-12, 1e13
 
 
 class Level(NamedTuple):
-    """One level of a hierarchy; P, R and C lead to the next, empty on the last.
+    """One level of a hierarchy; P, R and C lead to the next, None on the last.
 
     A (n, n). diagonal, d: positions and values of its diagonal entries. P (n, m):
     interpolation; R = P'; all csr_arrays. C (m,): the coarse unknowns.
@@ -76,9 +76,9 @@ class Level(NamedTuple):
     A: Any
     diagonal: np.ndarray
     d: np.ndarray
-    P: Any
-    R: Any
-    C: np.ndarray
+    P: Any = None
+    R: Any = None
+    C: Any = None
 
 
 class FaceOnLevel(NamedTuple):
@@ -289,8 +289,7 @@ def coarsen(
         if found is None:
             if n > MAX_DENSE:
                 return None
-            none = np.empty(0, dtype=np.int32)
-            return [*levels, Level(A, diagonal, d, None, None, none)]
+            return [*levels, Level(A, diagonal, d)]
         if deadline.reached():
             return None
         P, C = found
