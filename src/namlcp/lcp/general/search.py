@@ -12,7 +12,7 @@ from namlcp.lcp.general.cones import System, system_of
 from namlcp.lcp.general.distances import Distances, Plain
 from namlcp.lcp.general.exact import finish, proximal_steps
 from namlcp.lcp.general.paths import arc, farkas, mehrotra
-from namlcp.lcp.pivoting.driver import proof
+from namlcp.lcp.pivoting.driver import MAX_FACTORISATIONS, proof
 from namlcp.lcp.shifted import Shifted
 from namlcp.limits import Limits
 from namlcp.status import Outcome, Status
@@ -22,8 +22,6 @@ from namlcp.status import Outcome, Status
 # to the part AGAIN of that there; that of a point which is exact, whatever the
 # tolerances say.
 TARGET, CLOSE, AGAIN, EXACT = 1e-9, 1e-4, 0.01, 1e-12
-# Factorisations at most, by default: beyond those of earlier methods.
-FACTORISATIONS = 5000
 
 
 class Search(Criterion):
@@ -31,7 +29,7 @@ class Search(Criterion):
 
     def __init__(self, lcp: LCP, limits: Limits, before: int = 0):
         super().__init__(lcp, limits)
-        self.count, self.most = before, limits.max_iter or before + FACTORISATIONS
+        self.count, self.most = before, limits.max_iter or before + MAX_FACTORISATIONS
         self.z = lcp.start()
         self.w, self.method = lcp.w(self.z), "start"
         self.solved = is_solved_by_zero(lcp)

@@ -22,7 +22,7 @@ from namlcp.limits import Limits
 from namlcp.linalg.csc import submatrix
 from namlcp.status import Outcome, Status
 
-# Factorisations at most, by default.
+# Factorisations at most, by default: of pivoting, and of a search after it.
 MAX_FACTORISATIONS = 5000
 # Sparse symmetric problems with more unknowns and more entries than this have their
 # free systems factored by `linalg.factors`, which is faster where there is much fill.
