@@ -12,8 +12,8 @@ from cython import Py_ssize_t
 from cython.cimports.libc.math import fabs, sqrt
 from scipy.sparse import csr_array
 
-from namlcp.arrays import constant, transposed
-from namlcp.checks import as_sparse, from_arrays
+from namlcp.arrays import constant, from_arrays, transposed
+from namlcp.checks import as_sparse
 from namlcp.limits import NEVER
 
 # Density of B above which P + B'WB is computed with dense matrices.

@@ -27,7 +27,7 @@ from cython.cimports.libc.math import sqrt
 from cython.cimports.libc.stdlib import free, malloc, realloc
 from scipy.sparse import csc_matrix, triu
 
-from namlcp.checks import refuse_size, transposed
+from namlcp.arrays import refuse_size, transposed
 from namlcp.limits import NEVER, OutOfTime
 
 # Neighbours of a hub at least, relative to the square root of the order, and to the

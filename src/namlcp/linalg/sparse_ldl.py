@@ -27,7 +27,7 @@ from cython import Py_ssize_t
 from cython.cimports import numpy as cnp
 from cython.cimports.libc.math import isfinite
 
-from namlcp.checks import refuse_size
+from namlcp.arrays import refuse_size
 from namlcp.limits import NEVER, OutOfTime
 from namlcp.linalg.ordering import permuted
 

@@ -24,7 +24,7 @@ import numpy as np
 from cython import Py_ssize_t
 from cython.cimports.libc.math import INFINITY, exp, fabs, log, sqrt
 
-from namlcp.checks import constant, refuse_size
+from namlcp.arrays import constant, refuse_size
 from namlcp.limits import NEVER
 from namlcp.linalg.csc import add_transposed, times
 from namlcp.linalg.factors import plan_factors

@@ -26,8 +26,7 @@ from cython.cimports.libc.math import INFINITY, fabs, floor
 from cython.cimports.libc.string import memcpy
 from scipy.sparse import csc_array, csr_array
 
-from namlcp.arrays import constant
-from namlcp.checks import from_arrays, refuse_size
+from namlcp.arrays import constant, from_arrays, refuse_size
 from namlcp.limits import NEVER, PASS
 from namlcp.linalg.csc import (
     add_transposed,
