@@ -134,10 +134,9 @@ def hold(m):
     active = Z + m.m
     copy(m.start, u, rows)
     copy(m.goal_b, goal + n, m.p)
-    for j in range(rows):
-        held[j] = 0.0
-    for j in range(rows, m.size):
-        held[j], u[j] = 1.0, 0.0
+    fill(held, 0.0, rows)
+    fill(held + rows, 1.0, m.size - rows)
+    fill(u + rows, 0.0, m.size - rows)
     for k in range(m.m):
         if active[k]:
             i = m.place[k]

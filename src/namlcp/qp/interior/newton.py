@@ -169,8 +169,7 @@ def find_step(m):
         rhs[j] = -m.rd[j]
     for i in range(m.p):
         rhs[n + i] = -m.rp[i]
-    for j in range(rows, m.size):
-        rhs[j] = 0.0
+    fill(rhs + rows, 0.0, m.size - rows)
     for k in range(m.m):
         m.tau[k] = -m.rw[k] - m.rc[k] / m.Z[k]
     for k in range(m.m):
