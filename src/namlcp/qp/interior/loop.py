@@ -82,8 +82,12 @@ def solve_interior(qp, chain, guess, judge, memory):
     problem = memory.scaled = ScaledQP(small, last)
     deadline.check()
     m = Interior(problem, chain.then(problem), judge, limits)
-    if guess.x.size and try_guess(m, guess):
-        return judge.answer(Status.SOLVED, 0, FORM)
+    if guess.x.size:  # its active set may be that of the solution
+        as_array(m.start, m.length)[:] = np.concatenate(problem.guess(guess))
+        refine(m)
+        raise_kept(m)
+        if judge.is_solved:
+            return judge.answer(Status.SOLVED, 0, FORM)
     return judge.answer(run(m, guess), m.iterations, FORM)
 
 
@@ -93,14 +97,6 @@ def run(m: Interior, guess):
     if status is not Status.SOLVED and m.best < INFINITY:
         offer(m, m.best_x)
     return status
-
-
-def try_guess(m: Interior, guess):
-    """Try the active set of a guess; tell whether it solves the QP."""
-    as_array(m.start, m.length)[:] = np.concatenate(m.problem.guess(guess))
-    refine(m)
-    raise_kept(m)
-    return m.judge.is_solved
 
 
 def iterate(m, guess):
