@@ -177,6 +177,13 @@ def test_a_qp_is_solved_with_either_kind_of_factors(monkeypatch):
     assert_solves_qp(qp, heavy, 1e-9)
     np.testing.assert_allclose(heavy.x, usual.x, atol=1e-7)
 
+    def without_memory(*args):
+        raise MemoryError
+
+    monkeypatch.setattr(factors, "Fronts", without_memory)
+    again = solve_qp(*qp, eps_abs=1e-9, eps_rel=0.0)
+    np.testing.assert_array_equal(again.x, usual.x)
+
 
 def assert_ended_by_ctrl_c(monkeypatch, factors, data):
     """What the first look at the clock raises comes out of the factorisation."""

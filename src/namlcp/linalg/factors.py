@@ -1,5 +1,6 @@
 """The choice of an order and of factors; whether a matrix is symmetric, or definite."""
 
+import contextlib
 from typing import Any
 
 import numpy as np
@@ -45,9 +46,10 @@ def plan_factors(
     order = best_order(indptr, indices, deadline)
     deadline.check(PASS * order.entries)
     if order.work >= max(HEAVY, HEAVY_ROW * order.parent.size):
-        fronts = Fronts(indptr, indices, order, None, THREADS.get())
-        if fronts.stack <= MOST_WAITING * order.entries:
-            return fronts
+        with contextlib.suppress(MemoryError):  # of updates, far more than of L
+            fronts = Fronts(indptr, indices, order, None, THREADS.get())
+            if fronts.stack <= MOST_WAITING * order.entries:
+                return fronts
     return SparseFactors(indptr, indices, order)
 
 
