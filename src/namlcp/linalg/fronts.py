@@ -213,7 +213,7 @@ def pieces_of(parent, work):
     piece where threads are not worth it.
     """
     number: Py_ssize_t = parent.shape[0]
-    pieces, works = np.full(number, number), np.append(work, 0.0)
+    pieces, works = np.full(number, number, np.intp), np.append(work, 0.0)
     piece: Py_ssize_t[::1] = pieces
     whole: cython.double[::1] = works
     for s in range(number):  # the last one is the sum of all trees
