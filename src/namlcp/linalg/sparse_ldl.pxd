@@ -10,8 +10,7 @@ cdef enum:
 
 cdef class Factors:
     # Order of K, entries of its triangle; entries of L.
-    cdef readonly Py_ssize_t n, nnz
-    cdef public Py_ssize_t entries
+    cdef readonly Py_ssize_t n, nnz, entries
 
     cdef bint factor_values(self, double* data, Watched watch) noexcept nogil
     cdef void solve_into(self, double* rhs, double* x) noexcept nogil
