@@ -69,7 +69,6 @@ class Judge:
 
     def __init__(self, qp, limits, given=None, doubt=None):
         self.qp, self.checked, self.limits, self.doubt = qp, qp, limits, doubt
-        self.tolerances = limits.eps_abs, limits.eps_rel
         self.given = None if given is None or are_own(given, qp) else given
         self.is_columns = type(qp.P) is not np.ndarray
         self.best = INFINITY
@@ -94,10 +93,10 @@ class Judge:
             least = min(least, ratio)
             if least <= 1.0:
                 return least
-        if is_correctable(residuals, *self.tolerances) or (
+        if is_correctable(residuals, *self.limits.tolerances) or (
             ratio <= NEAR and self.ratio_in_other_order(residuals, trial, -1.0) <= 1.0
         ):
-            for new in corrections(self.qp, trial, residuals, *self.tolerances):
+            for new in corrections(self.qp, trial, residuals, *self.limits.tolerances):
                 least = min(least, self.ratio(self.measure(new)))
                 if least <= 1.0:
                     break
@@ -116,7 +115,7 @@ class Judge:
         return residuals
 
     def ratio(self, residuals):
-        eps_abs, eps_rel = self.tolerances
+        eps_abs, eps_rel = self.limits.tolerances
         return largest_ratio(residuals, eps_abs, eps_rel)
 
     def residuals_of(self, point):
