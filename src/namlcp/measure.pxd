@@ -5,8 +5,6 @@ from namlcp.linalg.csc cimport Columns, columns_times, columns_times_transposed
 from namlcp.linalg.csc cimport take_columns
 from namlcp.linalg.vectors cimport fill
 
-from numpy cimport ndarray
-
 cdef struct Numbers:
     double primal
     double dual

@@ -23,11 +23,7 @@ from namlcp.checks import (
 )
 from namlcp.limits import NEVER, Deadline
 from namlcp.linalg.csc import as_dense, unit_triangle
-from namlcp.linalg.factors import (
-    PSD_SLACK,
-    asymmetry,
-    has_positive_pivots,
-)
+from namlcp.linalg.factors import PSD_SLACK, asymmetry, has_positive_pivots
 from namlcp.theory.comparison import is_h_plus
 
 

@@ -23,13 +23,7 @@ from namlcp.qp.active.engine import Code
 from namlcp.qp.intake import qp_data
 from namlcp.qp.judge import Judge, are_own
 from namlcp.qp.problem import NO_GUESS, QP, Guess, check_convex, make_guess
-from namlcp.qp.route import (
-    NO_TRANSFORMS,
-    Memory,
-    is_small,
-    solve_checked,
-    threads_for,
-)
+from namlcp.qp.route import NO_TRANSFORMS, Memory, is_small, solve_checked, threads_for
 from namlcp.results import Public, QPResult, qp_result
 from namlcp.status import ENDS, Status
 
