@@ -341,8 +341,7 @@ def take_face(m):
             size = max(size, fabs(m.h[row]))
         else:
             j = row - m.m
-            m.multiplier[i] = -(m.Px[j] + m.q[j] + m.Gtz[j] + m.Aty[j])
-            m.z_box[j] = m.multiplier[i]
+            m.z_box[j] = -(m.Px[j] + m.q[j] + m.Gtz[j] + m.Aty[j])
     set_correction(m)
     return max(away, largest_entry(m.rhs + m.n, m.p)) / max(size, LEAST_DIVISOR)
 
