@@ -105,6 +105,7 @@ class DenseActiveSet(ActiveSet):
 
     def make_response(self, row):
         self.operations += self.n * self.length
+        self.since += self.n * self.length
         set_unit_load(self, row, self.rhs)
         self.set_values(self.rhs, claim_place(self, row))
 

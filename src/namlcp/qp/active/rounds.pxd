@@ -1,4 +1,5 @@
 from namlcp.box cimport clip
+from namlcp.limits cimport is_over
 from namlcp.linalg.dense cimport triangle_solve, triangle_solve_transposed
 from namlcp.linalg.vectors cimport add_scaled, copy, dot, fill, largest_entry
 from namlcp.measure cimport Terms, measure

@@ -289,6 +289,8 @@ def descend(m):
     m.set_multipliers()
     m.set_point_values()
     for turn in range(PASSES + 1):
+        if is_over(m, m.n * m.length):
+            return LATE
         away, n = take_face(m), m.n
         cost = max(largest_entry(m.Px, n), largest_entry(m.q, n))
         rows = max(largest_entry(m.Gtz, n), largest_entry(m.Aty, n))

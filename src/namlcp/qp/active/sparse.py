@@ -51,6 +51,7 @@ class SparseActiveSet:
     def make_response(self, row):
         """Make the response to a row, one pass more accurate than what changes."""
         self.operations += self.response_operations
+        self.since += self.response_operations
         fill(self.rhs, 0.0, self.size)
         if row < self.m:
             for t in range(self.G.indptr[row], self.G.indptr[row + 1]):
