@@ -58,17 +58,6 @@ def unanswered(size: int, qp: QP) -> SimpleNamespace:
     )  # fmt: skip
 
 
-def put(found: SimpleNamespace, i: int, answer: Outcome) -> None:
-    found.codes[i] = STATUSES.index(answer.status)
-    found.x[i], found.y[i], found.z[i], found.z_box[i] = answer.point
-    found.residuals[i] = answer.residuals
-    found.iterations[i], found.form[i] = answer.iterations, answer.method
-    if answer.message:
-        found.messages[i] = answer.message
-    if answer.closest is not None:
-        found.closest[i] = answer.closest
-
-
 class Items:
     """The QPs of a batch; an argument without a batch axis belongs to all of them."""
 
@@ -152,7 +141,14 @@ def solve_items(
             nothing = Point(*np.full((4, 1), np.nan))
             message = str(error) or repr(error)
             answer = Outcome(Status.INVALID, nothing, UNDEFINED, 0, "", message)
-        put(found, i, answer)
+        found.codes[i] = STATUSES.index(answer.status)
+        found.x[i], found.y[i], found.z[i], found.z_box[i] = answer.point
+        found.residuals[i] = answer.residuals
+        found.iterations[i], found.form[i] = answer.iterations, answer.method
+        if answer.message:
+            found.messages[i] = answer.message
+        if answer.closest is not None:
+            found.closest[i] = answer.closest
 
     left = np.arange(items.size)
     if starts is None and options.time_limit == np.inf:
