@@ -53,7 +53,7 @@ cdef double reach_of(const double* row, const double* shape, Py_ssize_t n) noexc
 cdef void invert_factor(DenseActiveSet m) noexcept nogil
 cdef void set_unit_load(DenseActiveSet m, Py_ssize_t row, double* rhs) noexcept nogil
 cdef void prepare(DenseActiveSet m) noexcept nogil
-cdef Code solve_dense(DenseActiveSet m) noexcept nogil
+cdef Code solve_and_prove(DenseActiveSet m) noexcept nogil
 cdef Code proved(DenseActiveSet m, Code found) noexcept nogil
 cdef bint contradicts_equations(DenseActiveSet m) noexcept nogil
 cdef bint factor_face(DenseActiveSet m) noexcept nogil

@@ -132,12 +132,12 @@ class DenseActiveSet(ActiveSet):
         """
         if self.is_free and self.is_ready and self.k > 0:
             self.on_face = True
-            found = solve_dense(self)
+            found = solve_and_prove(self)
             self.on_face, self.face_is_kept = False, found == DONE
             if found != STUCK:
                 return found
             self.hints, self.k = self.k, 0
-        found = solve_dense(self)
+        found = solve_and_prove(self)
         if not self.is_single:
             bounds: Py_ssize_t = 0
             for i in range(self.k):
@@ -154,7 +154,7 @@ class DenseActiveSet(ActiveSet):
         self.wanted = LESS_RHO if found == STUCK else MORE_RHO
         self.is_ready = False
         forget_rows(self)
-        found = solve_dense(self)
+        found = solve_and_prove(self)
         self.wanted, self.is_ready = 0.0, False  # for the next QP
         return found
 
@@ -435,7 +435,7 @@ def prepare(m):
 # ---- a whole solve
 
 
-def solve_dense(m):
+def solve_and_prove(m):
     if not is_fit(m):
         return STUCK
     if m.skipped > 0 and contradicts_equations(m):
