@@ -11,6 +11,7 @@ import scipy.sparse as sp
 from namlcp import Solver, solve_lcp, solve_qp
 from namlcp.linalg import threads
 from namlcp.linalg.threads import UNTOUCHED_ORDER, WORTH_ORDER, blas_threads, settings
+from namlcp.qp.active.solve import MOST_ORDER
 
 LARGE = UNTOUCHED_ORDER + 1
 
@@ -111,8 +112,8 @@ def test_solves_run_on_one_thread(monkeypatch):
 
 @pytest.mark.parametrize("form", [np.array, sp.csc_array])
 def test_a_solver_makes_its_factors_on_one_thread(monkeypatch, form):
-    """Those of P, and what solves: of a dense QP it is made in the first solve."""
-    n, is_dense, solvers = LARGE, form is np.array, []
+    """Those of P, and what solves: of a large dense QP that is the first solve."""
+    n, is_dense, solvers = MOST_ORDER + 1, form is np.array, []
 
     def begin():
         P = form(np.eye(n) + is_dense)

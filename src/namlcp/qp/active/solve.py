@@ -370,10 +370,11 @@ def solve_next(
     m: ActiveSet, kind, problem: tuple, settings: tuple, start: cython.double, threads
 ):
     """Solve the QP with the vectors problem[1]; return the result, None if not DONE."""
-    if m.is_ready and m.rho == 0.0:
+    order = m.rows + m.p
+    if order <= MOST_ORDER or (m.is_ready and m.rho == 0.0):
         solve(m, problem[1], settings, start)
     else:  # which may take LAPACK
-        with blas_threads(threads, m.rows + m.p, isinstance(m, DenseActiveSet)):
+        with blas_threads(threads, order, isinstance(m, DenseActiveSet)):
             solve(m, problem[1], settings, start)
     return result_of(m, kind, problem, start, start) if m.code == DONE else None
 
