@@ -18,7 +18,6 @@ from scipy.sparse import csc_array, csc_matrix
 
 from namlcp.linalg.csc import as_dense
 from namlcp.linalg.threads import blas_threads
-from namlcp.options import DEFAULT_OPTIONS
 from namlcp.qp import problem
 from namlcp.qp.problem import Point
 from namlcp.status import Status
@@ -224,8 +223,7 @@ def solve_dense(qp, chain, guess, judge, memory=None):
     chain: the way from the user's QP to this one.
     """
     limits, own = judge.limits, qp.in_dense_form()
-    most = limits.max_iter or DEFAULT_OPTIONS.max_iter
-    settings = *limits.tolerances, most, 0.0
+    settings = *limits.tolerances, limits.max_iter, 0.0
     m: DenseActiveSet = DenseActiveSet.__new__(DenseActiveSet)
     attach(m, own.P, own.G, own.A, True)
     suggest(m, guess)
