@@ -151,7 +151,12 @@ def solve_lcp(
             if type(A) is Prepared:
                 A.last = result.z
             return result
-    deadline = Deadline(start + check_limits(eps_abs, eps_rel, max_iter, time_limit))
+    for name, value in (("eps_abs", eps_abs), ("eps_rel", eps_rel)):
+        if value is not None:
+            check_number(name, value, closed=name == "eps_rel", finite=True)
+    if max_iter is not None:
+        check_count("max_iter", max_iter)
+    check_number("time_limit", time_limit)
     check_flag("history", history)
     check_flag("verbose", verbose)
     options = dict(
@@ -165,12 +170,21 @@ def solve_lcp(
         eps_abs, eps_rel = SWEEP_EPS_ABS if eps_abs is None else eps_abs, 0.0
     elif eps_rel is None:
         eps_rel = ACCURACY if eps_abs is None else 0.0
-    matrix = prepared(matrix, diagonal, method)
+    if not isinstance(matrix, Prepared):
+        matrix = Prepared(matrix, diagonal)
+    elif diagonal is not None:
+        raise ValueError("diagonal must be given to Prepared, with A")
+    if method != "auto" and isinstance(matrix.A, Operator):
+        raise ValueError(
+            f"method {method!r} needs the entries of A; a LinearOperator is solved by "
+            'method "auto"'
+        )
     lcp, unit = lcp_data(matrix, q, lower, upper)
     progress = Progress(LCP_COLUMNS, verbose) if verbose or history else None
     if progress is not None:
         progress.say(f"namlcp  LCP: n = {lcp.q.size}, method = {method}")
     report = None if progress is None else progress.row
+    deadline = Deadline(start + float(time_limit))
     limits = Limits(eps_abs or 0.0, eps_rel, max_iter, deadline, report)
     ready = perf_counter()
     outcome = solve_by_method(lcp, unit, limits, method, is_next=A is matrix, **options)
@@ -179,28 +193,3 @@ def solve_lcp(
     rows = progress.history() if progress is not None and history else None
     problem = lcp, matrix.A if A is matrix else A
     return lcp_result(outcome, problem, start, ready, rows)
-
-
-def prepared(A: Any, diagonal: Any, method: str) -> Prepared:
-    """Return A as a `Prepared`; raise if the method cannot use it."""
-    if not isinstance(A, Prepared):
-        A = Prepared(A, diagonal)
-    elif diagonal is not None:
-        raise ValueError("diagonal must be given to Prepared, with A")
-    if method != "auto" and isinstance(A.A, Operator):
-        raise ValueError(
-            f"method {method!r} needs the entries of A; a LinearOperator is solved by "
-            'method "auto"'
-        )
-    return A
-
-
-def check_limits(eps_abs: Any, eps_rel: Any, max_iter: Any, time_limit: Any) -> float:
-    """Raise for a bad tolerance or limit; return the time limit."""
-    for name, value in (("eps_abs", eps_abs), ("eps_rel", eps_rel)):
-        if value is not None:
-            check_number(name, value, closed=name == "eps_rel", finite=True)
-    if max_iter is not None:
-        check_count("max_iter", max_iter)
-    check_number("time_limit", time_limit)
-    return float(time_limit)
