@@ -82,6 +82,7 @@ class DenseActiveSet(ActiveSet):
     def set_values(self, rhs, values):
         n, p, half = self.n, self.p, self.half
         x, y = values + self.m, values + self.rows
+        self.since += n * self.length
         times_triangle(self.factor, n, rhs, half)
         if p > 0:
             times_rows(self.equations, p, n, n, half, y)
@@ -105,7 +106,6 @@ class DenseActiveSet(ActiveSet):
 
     def make_response(self, row):
         self.operations += self.n * self.length
-        self.since += self.n * self.length
         set_unit_load(self, row, self.rhs)
         self.set_values(self.rhs, claim_place(self, row))
 

@@ -289,7 +289,7 @@ def descend(m):
     m.set_multipliers()
     m.set_point_values()
     for turn in range(PASSES + 1):
-        if is_over(m, m.n * m.length):
+        if is_over(m, 0.0):  # `set_values` counts
             return LATE
         away, n = take_face(m), m.n
         cost = max(largest_entry(m.Px, n), largest_entry(m.q, n))

@@ -46,6 +46,7 @@ class SparseActiveSet:
         self.cost = reals(self, self.n)
 
     def set_values(self, rhs, values):
+        self.since += self.response_operations
         solve_base(self, rhs, values, self.passes)
 
     def make_response(self, row):
