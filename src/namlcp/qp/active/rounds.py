@@ -263,8 +263,7 @@ def judge(m):
     least = ACCURATE if m.length > m.m else FRESH
     for turn in range(CORRECTIONS + 1):
         set_point(m)
-        is_base: cython.bint = m.k == 0 and m.pivots == 0 and turn == 0
-        m.set_products(not clip_point(m) and is_base)
+        m.set_products(not clip_point(m) and m.k + m.pivots + turn == 0)
         before, error = error, measure_point(m)
         is_fine: cython.bint = error <= least and are_within(m, ROUNDING)
         if is_fine or turn == CORRECTIONS or not error <= GAIN * before:
