@@ -122,6 +122,19 @@ def test_units_do_not_matter(method, scale):
         np.testing.assert_allclose(other.z, one.z, atol=1e-12)
 
 
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("method", TAKES)
+def test_a_residual_far_smaller_than_the_unknowns_is_seen(method, kind):
+    A = 1e-10 * np.array([[2.0, -1.0], [-1.0, 2.0]])
+    shift = A.diagonal() if "shift" in TAKES[method] else None
+    given = {"omega": A.diagonal()} if "omega" in TAKES[method] else {}
+    result = solve_lcp(
+        KINDS[kind](A), [-1.0, -1.1], method=method, shift=shift, **given
+    )
+    assert result.status is Status.SOLVED
+    np.testing.assert_allclose(result.z, np.linalg.solve(A, [1.0, 1.1]), rtol=1e-7)
+
+
 # ---- parameters that are chosen during the run
 
 TAKERS = [name for name in TAKES if TAKES[name]]

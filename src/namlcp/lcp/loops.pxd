@@ -1,5 +1,5 @@
 from namlcp.arrays cimport numbers, places
-from namlcp.box cimport clip
+from namlcp.box cimport clip, deviation
 from namlcp.linalg.blas cimport blas_dot
 from namlcp.linalg.vectors cimport dot
 

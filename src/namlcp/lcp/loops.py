@@ -177,8 +177,7 @@ def relax_row(i, row, column, entry, c, l, u, alpha, x):
 #     (P - G L) ds - H L dz = -2 (A z + q - w).
 #
 # The right side needs A z of the *old* iterate, so the pass that computes s+ also gives
-# Res(z). What depends on row i - 1 is added last, as in `relax`. NaN passes the
-# comparisons and reaches the residual; infinite bounds are compared, never subtracted.
+# Res(z). What depends on row i - 1 is added last, as in `relax`. NaN reaches Res.
 #
 # All vectors are rows of two-dimensional arrays: `vectors` has the diagonals of Omega
 # and P^-1, q, work space, and the bounds; an iterate has s and z = clip(s).
@@ -218,8 +217,8 @@ def sweep_csr(indptr, indices, data, vectors, G, H, old, new):
             while k < end:
                 r += entry[k] * z[column[k]]
                 k += 1
-            x = clip(zi - r, l, u)
-            total += (zi - x) * (zi - x)
+            away = deviation(zi, r, l, u)
+            total += away * away
             w = omega[i] * (zi - si)  # equal to r at a solution
             inv = inverse[i]
             ds = (2.0 * (w - r) - earlier) * inv
@@ -241,7 +240,7 @@ def sweep_dense(A, vectors, G, H, old, new):
             zi, si = old[Z, i], old[S, i]
             row = cython.address(A[i, 0])
             r = vectors[Q, i] + blas_dot(row, cython.address(old[Z, 0]), n)
-            away: cython.double = zi - clip(zi - r, l, u)
+            away: cython.double = deviation(zi, r, l, u)
             total += away * away
             earlier = blas_dot(row, cython.address(vectors[CHANGE, 0]), i)
             w = vectors[OMEGA, i] * (zi - si)  # equal to r at a solution

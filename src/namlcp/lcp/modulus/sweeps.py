@@ -121,7 +121,7 @@ def sweep(
         status, s, k = iterate(lcp, step, s, limits)
         z = np.clip(s, lcp.lower, lcp.upper)
         w = lcp.w(z)
-        # the Res of a step, |z - clip(z - w)|, loses a w far smaller than z
+        # the w of a step is summed in another order
         if status is Status.SOLVED and not lcp.residual(z, w) < limits.eps_abs:
             status = Status.STALLED
         return lcp.outcome(status, z, w, k, method, s=s)
