@@ -128,6 +128,16 @@ def test_products_that_are_not_finite():
     assert np.isnan(found.z).all()
 
 
+@pytest.mark.parametrize("unit", [1e-290, 1e-200, 1e-170, 1e170, 1e290])
+def test_squares_of_products_may_leave_the_range(unit):
+    """As of small ones, which would be no size for a lack of symmetry."""
+    A = aslinearoperator(unit * np.diag([1.0, 2.0]))
+    for q in (-np.ones(2), -unit * np.ones(2)):
+        result = solve_lcp(A, q)
+        assert result.status is Status.SOLVED
+        np.testing.assert_allclose(result.z, -q / unit / [1.0, 2.0])
+
+
 def test_a_matrix_that_is_never_formed(rng):
     """A sum of a sparse matrix and a low-rank one."""
     L, V = problems.laplacian(10), rng.standard_normal((100, 3))
