@@ -104,7 +104,7 @@ class LevelLCP:
         free_product(self.A, self.d, x, r)
         slope, curvature = float(w @ x), float(x @ r)
         if self.cycle.symmetric and -slope < curvature:
-            step = max(0.0, -slope / curvature)
+            step = -slope / curvature if slope < 0.0 else 0.0
             x *= step
             r *= step
         z += x
