@@ -120,7 +120,7 @@ def centred(
     d = towards(-products)
     after = at.moved(longest(at, d), d)
     left = float(after.gaps @ after.m) / max(at.m.size, 1)
-    sigma = (left / mu) ** 3 if mu > 0.0 else 0.0
+    sigma = min(left / mu, 1.0) ** 3 if mu > 0.0 else 0.0
     aim = min(max(sigma, LEAST_CENTRING), MOST_CENTRING) * mu
     change = aim - np.clip(d.gaps * d.m, -mu, mu) - products
     d = towards(change)
