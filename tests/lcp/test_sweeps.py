@@ -262,6 +262,14 @@ def test_growth_and_cycles_are_called_divergence(A, lower, kind):
     assert result.residual == pytest.approx(residual)
 
 
+@pytest.mark.parametrize("coupling", [-1.0, -3.0])
+def test_an_estimate_that_finds_no_positive_eigenvalue_is_no_error(coupling):
+    """z moves along (1, 1) alone, which A does not raise."""
+    A = np.array([[1.0, coupling], [coupling, 1.0]])
+    given = dict(method="modulus", omega="auto", max_iter=50)
+    assert solve_lcp(A, [-1.0, -1.0], -INF, **given).status is Status.MAX_ITER
+
+
 def test_growth_of_the_first_sweeps_is_no_divergence():
     """Far from normal: Res grows from 10^2 to 10^14, then falls (NAM, Omega = I)."""
     A, q, *_ = paper_example(2, 40, 0.0)

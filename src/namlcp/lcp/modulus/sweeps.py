@@ -425,7 +425,7 @@ class AdaptiveStep(Step):
             self.above = self.ritz_values(everything, change, LANCZOS // 2)[1]
         low, high, error = self.ritz_values(free, change, LANCZOS)
         self.low = max(low, 1.0 - self.row_sum, LEAST)
-        self.high = min(high, 1.0 + self.row_sum)
+        self.high = max(min(high, 1.0 + self.row_sum), self.low)
         self.is_sharp = error < SETTLED * low
 
     def ritz_values(
