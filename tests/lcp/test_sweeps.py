@@ -270,6 +270,13 @@ def test_an_estimate_that_finds_no_positive_eigenvalue_is_no_error(coupling):
     assert solve_lcp(A, [-1.0, -1.0], -INF, **given).status is Status.MAX_ITER
 
 
+@pytest.mark.parametrize("method", TAKERS)
+def test_couplings_whose_squares_overflow_are_no_error(method):
+    A = np.array([[1e-150, 1e150], [1e150, 1e-150]])
+    given = {"method": method, "max_iter": 50, **auto(method)}
+    assert np.isfinite(solve_lcp(A, -np.ones(2), -1.0, **given).z).all()
+
+
 def test_growth_of_the_first_sweeps_is_no_divergence():
     """Far from normal: Res grows from 10^2 to 10^14, then falls (NAM, Omega = I)."""
     A, q, *_ = paper_example(2, 40, 0.0)

@@ -81,8 +81,8 @@ REFACTOR = 0.2
 # that all eigenvalues are found.
 LANCZOS, INVARIANT = 14, 1e-8
 # Largest row sum of the scaled |I - A| for which the bounds 1 -+ row sum are used
-# instead of Ritz values.
-CERTAIN = 0.5
+# instead of Ritz values; and from which on they are, too, as squares would overflow.
+CERTAIN, WILD = 0.5, 1e30
 # Least values of `low`: before the first estimate, and of an estimate.
 FIRST_LEAST, LEAST = 1e-3, 1e-5
 # Error bound of the least Ritz value, relative to it, below which another estimate for
@@ -262,7 +262,7 @@ class AdaptiveStep(Step):
         self.C = matrix.A if matrix.symmetric else symmetric_form(matrix.A)
         self.root = matrix.root
         rows = (abs(self.C) @ (1.0 / self.root)) / self.root - 1.0
-        self.row_sum = float(np.max(rows, initial=0.0))
+        self.row_sum = min(float(np.max(rows, initial=0.0)), WILD)
         self.low = max(1.0 - self.row_sum, FIRST_LEAST)
         self.high, self.above = 1.0 + self.row_sum, 0.0
         self.free, self.is_sharp = np.zeros(D.size, dtype=bool), False
@@ -418,7 +418,7 @@ class AdaptiveStep(Step):
         """
         is_known = self.is_sharp and np.array_equal(free, self.free)
         self.free = free
-        if is_known or self.row_sum <= CERTAIN or not free.any():
+        if is_known or not CERTAIN < self.row_sum < WILD or not free.any():
             return
         if self.above == 0.0:
             everything = np.ones_like(free)
