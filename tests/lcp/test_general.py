@@ -294,6 +294,15 @@ def test_random_matrices_without_any_class():
     assert min(map(len, said.values())) > 20
 
 
+def test_a_path_of_lemke_that_overflows_leaves_the_start():
+    A = np.array(
+        [[7e-75, -1e69, -6e-58], [2e67, 6e-81, -2e102], [-4e54, -5e-80, -1e111]]
+    )
+    result = solve_lcp(A, [0.0, 2e-128, 0.0], -1.0, 1.0, method="lemke")
+    assert result.status is not Status.SOLVED
+    assert np.isfinite(result.z).all()
+
+
 def test_nearly_solvable():
     """w_1 = -1e-13 is rounding or a contradiction: the tolerance decides."""
     A, q = np.array([[1.0, 0.0], [0.0, 0.0]]), np.array([-1.0, -1e-13])

@@ -69,6 +69,7 @@ LARGEST_ENUMERATION = 12
 OUTSIDE = 1e-9
 
 
+@np.errstate(all="ignore")
 def solve_lemke(lcp: LCP, z0: None, limits: Limits, cover: Any = None) -> Outcome:
     """Follow the path of one covering vector, the user's; limits.max_iter: pivots."""
     n = lcp.q.size
@@ -135,6 +136,7 @@ def follow(
     # the basis computed anew lacks the rounding errors of the pivots
     found = tableau.values()[names], basis_solution(plain.M, plain.r, tableau)
     points = [lcp.start(plain.z(x)) for x in found if x is not None]
+    points = [z for z in points if np.isfinite(z).all()] or [search.z]
     z = min(points, key=lambda z: lcp.residual(z, lcp.w(z)))
     w, ray = lcp.w(z), None
     if search.accepts(z, w):
