@@ -113,10 +113,11 @@ def relax(indptr, indices, data, q, lower, upper, alpha, z, way):
 
 
 def two_colours(indptr, indices, second):
-    """Mark rows of a second colour so that none is coupled to one of its colour.
+    """Mark rows of a second colour so that none is coupled to one above of its colour.
 
     False if it finds no such colours, which are unique where every row but the first is
-    coupled to one above it.
+    coupled to one above it. Where the pattern is not symmetric, a row may be coupled to
+    one below of its colour: then sweeps by colours are sweeps in some order.
     """
     for i in range(second.shape[0]):
         first = indices[indptr[i]]
