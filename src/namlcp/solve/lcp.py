@@ -87,7 +87,8 @@ def solve_lcp(
         Start; "lemke" has none. With a `Prepared` matrix and "auto" it is the last
         solution that pivoting found, unless given.
     eps_abs : float
-        Solved when Res(z) = || z - clip(z - w, lower, upper) ||_2 < eps_abs.
+        Solved when Res(z) = || z - clip(z - w, lower, upper) ||_2 < eps_abs; 1e-8 by
+        default for sweep methods.
     eps_rel : float
         Not for sweep methods. Solved when Res of the problem scaled to a unit
         diagonal is at most eps_rel times its value at z = clip(0); "auto" returns
