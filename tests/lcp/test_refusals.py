@@ -18,6 +18,7 @@ REFUSED = [
     ("lemke", {"alpha": 1.0}, "alpha is not a parameter of method 'lemke'"),
     ("auto", {"cover": 1.0}, "cover is not a parameter of method 'auto'"),
     ("psor", {"alpha": 0}, r"alpha must lie in \(0, 2\), got 0"),
+    ("psor", {"alpha": 10**400}, r"alpha must lie in \(0, 2\), got 1000"),
     ("psor", {"alpha": math.nan}, r"alpha must lie in \(0, 2\), got nan"),
     ("maor", {"beta": -0.1}, r"beta must lie in \[0, 2\), got -0.1"),
     ("maor", {"alpha": "auto", "beta": 2.0}, r"beta must lie in \[0, 2\)"),

@@ -37,6 +37,7 @@ from namlcp.lcp.loops import (
 from namlcp.lcp.shifted import Shifted
 from namlcp.linalg.csc import arrays_of
 from namlcp.linalg.factors import asymmetry
+from namlcp.options import check_kind
 
 
 class Sweep(NamedTuple):
@@ -114,15 +115,13 @@ def positive_diagonal(A: Any, method: str) -> np.ndarray:
     return D
 
 
-def number(name: str, value: object, interval: str) -> float:
+def number(name: str, value: Any, interval: str) -> float:
     """Return `value` as a float; raise unless it is in an interval like "(0, 2)"."""
-    if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Real):
-        raise TypeError(f"{name} must be a number, got {value!r}")
-    x = float(value)
-    below = x >= 0.0 if interval[0] == "[" else x > 0.0
-    if not (below and x < float(interval[1:-1].split(",")[1])):
+    check_kind(name, value, numbers.Real, "a number")
+    below = value >= 0.0 if interval[0] == "[" else value > 0.0
+    if not (below and value < float(interval[1:-1].split(",")[1])):
         raise ValueError(f"{name} must lie in {interval}, got {value!r}")
-    return x
+    return float(value)
 
 
 def checked_parameters(A: Any, method: str, parameters: Parameters) -> Parameters:
