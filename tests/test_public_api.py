@@ -75,6 +75,16 @@ def test_what_takes_long_to_import_is_imported_where_it_is_used():
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
+def test_what_cannot_be_imported_is_no_attribute(monkeypatch):
+    """So that help(namlcp), which asks for all, needs no other package."""
+    monkeypatch.setitem(sys.modules, "torch", None)
+    monkeypatch.delitem(sys.modules, "namlcp.torch", raising=False)
+    monkeypatch.delattr(namlcp, "torch", raising=False)
+    assert not hasattr(namlcp, "torch")
+    with pytest.raises(AttributeError, match=r"namlcp\.torch cannot be imported: "):
+        namlcp.torch.solve_qp(EYE, ONE)
+
+
 ONE, EYE = np.ones(2), np.eye(2)
 ROWS = np.array([[1.0, 0.0], [-1.0, 0.0]]), np.array([0.0, -3.0])  # x_1 <= 0, >= 3
 RESULTS = {

@@ -69,9 +69,12 @@ def __dir__() -> list[str]:
 
 def __getattr__(name: str) -> Any:
     """Import what is seldom used at its first use: hosts are optional, and slow."""
-    if name in LATE:
+    if name not in LATE:
+        raise AttributeError(f"module 'namlcp' has no attribute {name!r}")
+    try:
         return import_module(f"namlcp.{name}")
-    raise AttributeError(f"module 'namlcp' has no attribute {name!r}")
+    except ImportError as error:  # for `hasattr`, and `help(namlcp)`
+        raise AttributeError(f"namlcp.{name} cannot be imported: {error}") from error
 
 
 def warmup(progress: bool = True, processes: int | None = None) -> None:
