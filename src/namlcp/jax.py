@@ -142,8 +142,9 @@ def derivative(found: Any, data: Any, changes: Any) -> tuple[jax.Array, ...]:
     # where nothing is solved, NaN must not meet the derivatives, not even times 0
     x, P, _, G, _, A, *_ = (jnp.where(solved, v, 0.0) for v in (found[0], *data))
     rows, side, y, z = found[5:]
+    point = Point(x, y, z, found[3])
     d = dict(zip(AXES, changes, strict=True))
-    of_x, of_y, of_z, moved = right_sides(d, Point(x, y, z, None), side)
+    of_x, of_y, of_z, moved = right_sides(d, point, side)
     right = jnp.concatenate((of_x, of_z, of_y))
     C, v = jnp.concatenate((G, A)), jnp.concatenate((z, y))
     H = jnp.block([[P, C.T], [C, jnp.zeros_like(jnp.outer(v, v))]])

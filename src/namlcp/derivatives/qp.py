@@ -222,8 +222,8 @@ class QPDerivative:
         )  # fmt: skip
         v = np.zeros(rows)
         v[at], v[weak] = y, z
-        parts = (unit * part for part in (dx, v[:p], v[p:], dz_box))
-        return QPTangent(*parts, self.weak, self.singular)
+        dx, v, dz_box = unit * dx, unit * v, unit * dz_box
+        return QPTangent(dx, v[:p], v[p:], dz_box, self.weak, self.singular)
 
     def steepest(self, whole: np.ndarray, d: dict[str, Any]) -> Point:
         """Return the multipliers that maximise the derivative of the optimal value."""
