@@ -100,7 +100,7 @@ def test_transforms_of_functions():
 
     gradient = torch.func.grad(total)(data[1])
     _, along = torch.func.jvp(total, (data[1],), (torch.ones_like(data[1]),))
-    assert along == pytest.approx(gradient.sum(), rel=1e-12)
+    assert along.item() == pytest.approx(gradient.sum().item(), rel=1e-12)
     for second in torch.func.grad, torch.func.jacfwd:
         with pytest.raises(RuntimeError):
             second(lambda q: torch.func.grad(total)(q).sum())(data[1])
