@@ -120,8 +120,9 @@ def once(ctx: Any, found: Callable[..., Any], tensors: Sequence[Any]) -> Any:
     It depends on the data, too. Only where that may matter they are asked for: they may
     have been changed in place since, which torch refuses then.
     """
-    data = ctx.saved_tensors if torch.is_grad_enabled() else ()
-    return Once.apply(found, len(tensors), *tensors, *data)
+    if not torch.is_grad_enabled():  # this saves 50 us
+        return found(*map(array_of, tensors))
+    return Once.apply(found, len(tensors), *tensors, *ctx.saved_tensors)
 
 
 class Once(torch.autograd.Function):
