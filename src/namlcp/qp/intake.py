@@ -4,6 +4,7 @@ Everything else, and every fault, is left to `problem`, which repairs or names i
 """
 
 import cython
+import numpy as np
 from cython import Py_ssize_t
 from cython.cimports import numpy as cnp
 from cython.cimports.libc.math import INFINITY, fabs
@@ -48,7 +49,7 @@ def whole(P, q, G, h, A, b, lb, ub):
 
 
 def by_rows(M):
-    return cnp.PyArray_GETCONTIGUOUS(M) if cnp.PyArray_CheckExact(M) else M
+    return np.ascontiguousarray(M) if cnp.PyArray_CheckExact(M) else M
 
 
 def shortened(M):
