@@ -160,9 +160,11 @@ class MultigridSolver:
     def __init__(self, lcp: LCP, hierarchy: Hierarchy, criterion: Criterion):
         self.lcp, self.criterion, S = lcp, criterion, hierarchy.scale
         self.cycle, self.scale = VCycle(hierarchy.levels, hierarchy.symmetric), S
-        box = [bound / S for bound in lcp[2:]]
-        self.top = LevelLCP(self.cycle, 0, S * lcp.q, *box)
-        self.z, self.w = np.empty((2, lcp.q.size))
+        q, *box = lcp[1:]
+        if isinstance(S, np.ndarray):  # else these are large vectors copied for nothing
+            q, box = S * q, [bound / S for bound in box]
+        self.top = LevelLCP(self.cycle, 0, q, *box)
+        self.z, self.w = np.empty((2, q.size))
         self.best, self.least, self.done = lcp.start(), math.inf, 0
 
     def is_solved(self) -> bool:
