@@ -24,7 +24,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from namlcp.derivatives.gradients import right_sides
-from namlcp.qp.problem import Point
+from namlcp.qp.problem import Point, refuse_half
 from namlcp.results import QPSolution
 from namlcp.stack import AXES, Stack
 
@@ -93,6 +93,8 @@ def solve_qp(
     >>> print(jax.grad(first)(jnp.array([-1.0, -4.0])) + 0.0)
     [-1.  0.]
     """
+    refuse_half("G", G, "h", h)
+    refuse_half("A", A, "b", b)
     given = P, q, G, h, A, b, lb, ub
     kind = jnp.result_type(float, *(v for v in given if v is not None))
     n, m, p = (0 if v is None else np.size(v) for v in (q, h, b))
@@ -100,9 +102,6 @@ def solve_qp(
     data = []
     for name, value, shape in zip(AXES, given, shapes, strict=True):
         if value is None:
-            if shape[0] > 0 and name in ("G", "A"):
-                right = {"G": "h", "A": "b"}[name]
-                raise ValueError(f"{right} was given without {name}: pass both")
             value = jnp.full(shape, {"lb": -jnp.inf, "ub": jnp.inf}.get(name, 0.0))
         value = jnp.asarray(value, kind)
         if value.shape != shape:

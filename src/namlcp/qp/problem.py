@@ -130,13 +130,17 @@ def symmetrised(P: Any, gap: float, size: float) -> Any:
     return sparse_matrix("P", S, "csc") if sp.issparse(P) else S
 
 
+def refuse_half(name: str, C: Any, right: str, d: Any) -> None:
+    if (C is None) != (d is None):
+        given, missing = (name, right) if d is None else (right, name)
+        raise ValueError(f"{given} was given without {missing}: pass both or neither")
+
+
 def constraint(name: str, C: Any, right: str, d: Any, n: int) -> Any:
     """Return the pair (G, h) or (A, b); raise if one of them alone is None."""
     if C is None and d is None:
         return absent_parts(n)[:2]
-    if C is None or d is None:
-        given, missing = (name, right) if d is None else (right, name)
-        raise ValueError(f"{given} was given without {missing}: pass both or neither")
+    refuse_half(name, C, right, d)
     C = matrix(name, C, "csc")
     if C.shape[1] != n:
         raise ValueError(
