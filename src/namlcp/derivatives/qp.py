@@ -190,8 +190,8 @@ class QPDerivative:
         return 0.0 - u, lam, nu, (side < 0) * mu, (side > 0) * mu
 
     def forward(self, changes: dict[str, Any]) -> QPTangent:
-        d, item = self.direction(changes), self.item
-        side = self.solution.z_box if item else self.held[self.C.shape[0] :]
+        d = self.direction(changes)
+        side = self.solution.z_box if self.item else self.held[self.C.shape[0] :]
         q, h, b, lb, ub = self.solve(right_sides(d, self.point, side))
         return QPTangent(0.0 - q, b, h, lb + ub, self.weak, self.singular)
 
