@@ -155,8 +155,10 @@ def last_largest(x: np.ndarray) -> int:  # as the lexicographic order has it
 def basis_solution(M: np.ndarray, r: np.ndarray, tableau: Tableau) -> np.ndarray | None:
     z = np.zeros(r.size)
     face = np.flatnonzero((tableau.position >= 0)[r.size : 2 * r.size])
+    B, r = M[np.ix_(face, face)], r[face]
     try:
-        z[face] = np.linalg.solve(M[np.ix_(face, face)], -r[face])
+        x = np.linalg.solve(B, -r)
+        z[face] = x - np.linalg.solve(B, B @ x + r)  # refined: B may be badly scaled
     except np.linalg.LinAlgError:
         return None
     return z
