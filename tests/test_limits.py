@@ -181,7 +181,7 @@ def test_ctrl_c_within_a_product():
 
 
 def repeat(call, seconds):
-    """Not in the caller's `try`: `while` of Python 3.13.0 loses KeyboardInterrupt there."""
+    """Outside of `try`: `while` of Python 3.13.0 loses KeyboardInterrupt there."""
     end = time.perf_counter() + seconds
     while time.perf_counter() < end:
         call()
