@@ -1,6 +1,7 @@
 """Names, layering and errors that every user may meet."""
 
 import copy
+import inspect
 import re
 import subprocess
 import sys
@@ -159,7 +160,7 @@ def test_dir_shows_what_is_public_alone(what, names):
         is_batch = kind is namlcp.BatchResult
         names = ("solved", "statuses") if is_batch else ("found", "derivative")
         names += METHODS[kind.__name__]
-        for attributes in re.findall(r"^    (\w[\w, ]*) : ", kind.__doc__, re.M):
+        for attributes in re.findall(r"^(\w[\w, ]*) : ", inspect.getdoc(kind), re.M):
             names += tuple(attributes.split(", "))
     assert sorted(names) == shown
 

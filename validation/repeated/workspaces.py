@@ -202,7 +202,7 @@ class Osqp(Stacked):
 
         self.solver = osqp.OSQP()
         options = told("osqp", eps) | {"max_iter": 100_000, "verbose": False}
-        P = sp.triu(P, format="csc")
+        P = sp.triu(sp.csc_matrix(P), format="csc")
         self.solver.setup(P=P, A=C, **now, **options)
         self.answer = self.solver.solve(raise_error=False)
 
