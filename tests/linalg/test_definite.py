@@ -23,6 +23,7 @@ def test_pivots_of_small_and_large_matrices(order, shift):
     middle = np.full(order, 2.0 - least + shift)
     triangle = sparse.diags_array([middle, side], offsets=[0, 1], format="csc")
     triangle = sparse.csc_matrix(triangle)
+    triangle.sort_indices()  # SciPy 1.15 leaves them as they come
     triangle.indices = triangle.indices.astype(np.int32)
     triangle.indptr = triangle.indptr.astype(np.int32)
     assert has_positive_pivots(triangle) == (shift > 0.0)

@@ -108,7 +108,8 @@ def test_a_point_solves_the_system_of_its_active_constraints(name, form):
         F, x = C[:, free], found.x
         K = np.block([[qp.P[np.ix_(free, free)], F.T], [F, np.zeros(2 * d.shape)]])
         rhs = -qp.q - qp.P[:, ~free] @ x[~free]
-        u = np.linalg.lstsq(K, np.append(rhs[free], d - C[:, ~free] @ x[~free]))[0]
+        right = np.append(rhs[free], d - C[:, ~free] @ x[~free])
+        u = np.linalg.lstsq(K, right, rcond=None)[0]
         expected = np.concatenate((x[free], found.y, found.z[held]))
         np.testing.assert_allclose(u, expected, 0.0, 1e-10 * (1.0 + abs(u).max()))
         assert found.form == "dual"
