@@ -173,6 +173,17 @@ def test_a_bad_item_harms_no_other(mixed):
     assert bits(solve_batch(**stack(mixed))) == expected
 
 
+@pytest.mark.parametrize("shape", [(1,), (2, 1)])
+def test_a_huge_side_that_all_share_is_a_row_of_each_item(shape):
+    """1e21 x <= 1e20 is a constraint, x <= 1e20 is none."""
+    G, h = np.array([[[1e21]], [[1.0]]]), np.full(shape, 1e20)
+    batch = solve_batch(np.eye(1), np.array([-5.0]), G, h)
+    assert [status.value for status in batch.statuses] == ["invalid", "solved"]
+    assert "h must be +inf where there is no constraint" in batch.messages[0]
+    assert batch.x[1] == 5.0
+    assert batch.backward(dx=np.ones((2, 1))).q.sum() == -1.0
+
+
 def test_a_warm_start_saves_iterations(mixed):
     problems = [problem for i, problem in enumerate(mixed) if i not in (3, 11)]
     first = solve_batch(**stack(problems))

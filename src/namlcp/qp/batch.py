@@ -18,7 +18,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from namlcp.arrays import stamp_of, stamps_of_items
-from namlcp.checks import real_array
+from namlcp.checks import real_array, vector
 from namlcp.linalg.threads import blas_threads
 from namlcp.options import Options
 from namlcp.qp.active import solve as active
@@ -100,7 +100,10 @@ class Items:
                     f"{name} must have {self.size} items to match {first}, got {size}"
                 )
         self.given = tuple(one[name] for name in MATRICES)
-        self.shared = qp_data(**one)
+        qp = self.shared = qp_data(**one)
+        if "G" in self.stacked:  # its rows tell whether a huge h_i is no constraint
+            h = vector("h", one["h"], qp.h.size, "G", qp.G.shape)
+            self.shared = qp._replace(h=h)
         self.stamps = stamps_of_items(tuple(self.stacked.values()), self.size)
         self.shared_stamp = stamp_of(self.shared)
         if "P" not in self.stacked:
