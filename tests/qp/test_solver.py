@@ -272,6 +272,20 @@ def test_a_bad_update_changes_nothing(changes, message):
     assert solver.solve().x.tolist() == [0.0, 0.0, 0.0]
 
 
+@pytest.mark.parametrize("form", FORMS)
+def test_a_huge_side_is_read_with_the_rows_that_come_with_it(form):
+    """1e21 x <= 1e20 is a constraint, x <= 1e20 is none."""
+    steep, flat = (FORMS[form](np.full((1, 1), entry)) for entry in (1e21, 1.0))
+    huge, none = np.array([1e20]), np.array([INF])
+    solver = Solver(np.eye(1), np.array([-5.0]), flat, np.ones(1))
+    with pytest.raises(ValueError, match=r"h must be \+inf where there is no"):
+        solver.update(G=steep, h=huge)
+    assert solver.solve().x == 1.0
+    solver.update(G=steep, h=none)
+    solver.update(G=flat, h=huge)
+    assert solver.solve().x == 5.0
+
+
 def test_arguments_are_refused_that_have_no_meaning():
     solver = Solver(np.eye(2), np.ones(2))
     for changes in ({"h": [1.0]}, {"G": np.ones((1, 2))}):

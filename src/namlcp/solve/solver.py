@@ -194,25 +194,29 @@ class Solver(metaclass=Public):
         parts = q, h, b, lb, ub
         vectors = active.updated(self.vectors, parts, self.sizes)
         if vectors is None:
-            changes = zip(("q", "h", "b", "lb", "ub"), parts, strict=True)
-            new = {name: v for name, v in changes if v is not None}
-            vectors = qp_data(**{**self.qp._asdict(), **new}).joined()
-        if not (P is None and G is None and A is None):
-            self.take_matrices({"P": P, "G": G, "A": A})
+            named = zip(("q", "h", "b", "lb", "ub"), parts, strict=True)
+            new = {name: v for name, v in named if v is not None}
+            vectors = self.changed(self.qp, new, P, G, A).joined()
+        elif not (P is None and G is None and A is None):
+            self.changed(QP.of(self.matrices, vectors), {}, P, G, A)
         self.vectors = vectors
 
-    def take_matrices(self, changes: dict[str, Any]) -> None:
-        given, kept = dict(zip("PGA", self.given, strict=True)), self.qp._asdict()
-        new = {}
-        for name, M in changes.items():
+    def changed(self, qp: QP, new: dict[str, Any], *matrices: Any) -> QP:
+        """Take new matrices, unless None; return the QP with them and new vectors.
+
+        All are checked together: what a huge h_i means depends on G.
+        """
+        given, kept = dict(zip("PGA", self.given, strict=True)), qp
+        for name, M in zip("PGA", matrices, strict=True):
             if M is not None and not is_unchanged(M, given[name]):
                 given[name] = copied(name, M)
-                new[name] = in_place_of(name, given[name], kept[name])
-        if not new:
-            return
-        qp = qp_data(*self.qp._replace(**new))
+                new[name] = in_place_of(name, given[name], getattr(kept, name))
+        if new:
+            qp = qp_data(**{**kept._asdict(), **new})
+        if given.keys().isdisjoint(new):
+            return qp
         if not qp.is_dense:  # P + P' is stored without zeros
-            qp = qp._replace(P=within_pattern("P", qp.P, kept["P"]))
+            qp = qp._replace(P=within_pattern("P", qp.P, kept.P))
         if "P" in new:
             with threads_for(qp, self.options):
                 check_convex(qp.P)
@@ -224,6 +228,7 @@ class Solver(metaclass=Public):
                 self.pause = 0.0
             if active.is_slow_anew(self.active_set):  # others are quicker with new ones
                 self.pause = max(self.pause, 1.0)
+        return qp
 
     def solve(self, warm_start: Any = None, derivative: bool = False) -> QPResult:
         """Solve the problem as it is now.
