@@ -56,6 +56,35 @@ def test_directional_equals_the_one_sided_difference(family, form):
                 np.testing.assert_allclose(tangent.x, expected, 1e-4, 1e-4)
 
 
+none = np.zeros((0, 2)), np.zeros(0)
+CORNERS = {
+    "without any force": QP(
+        np.array([[2.0, -2.0], [-2.0, 6.0]]), np.zeros(2),
+        np.array([[1.0, -1.0], [0.0, -2.0]]), np.zeros(2), *none,
+        np.array([0.0, -1.0]), np.ones(2),
+    ),
+    "held twice": QP(
+        np.array([[5.0, -5.0], [-5.0, 5.0]]), np.array([5.0, -7.0]),
+        np.array([[2.0, -1.0], [0.0, 2.0], [-2.0, -1.0], [1.0, -1.0]]),
+        np.array([0.0, 2.0, -1.0, 0.0]), *none,
+        np.full(2, -np.inf), np.array([np.inf, 1.0]),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("name", CORNERS)
+def test_rounding_makes_no_constraint_strictly_active(name, form):
+    """More constraints than variables, most of them with multipliers 0."""
+    qp, rng = CORNERS[name], np.random.default_rng(0)
+    for _ in range(150):
+        sides = {k: rng.standard_normal(getattr(qp, k).shape) for k in ("G", "h", "lb")}
+        d = {"q": rng.standard_normal(2), **sides}
+        expected = one_sided(lambda t, d=d: FORMS[form](moved(qp, d, t)).x)
+        found = FORMS[form](qp).directional(**named(d)).x
+        np.testing.assert_allclose(found, expected, 1e-4, 1e-4)
+
+
 def dense_of(M):
     return M.toarray() if sp.issparse(M) else M
 

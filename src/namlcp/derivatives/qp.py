@@ -158,7 +158,8 @@ class QPDerivative:
         N[at] = V
         N[rows:] = -(C.T @ N[:rows])
         N[rows:][held[rows:] == 0] = 0.0
-        return N
+        size = np.abs(N)
+        return np.where(size > VANISHED * size.max(axis=0), N, 0.0)
 
     def backward(self, dx: Any, dy: Any, dz: Any, dz_box: Any) -> QPGradients:
         x, y, z, z_box = self.solution
@@ -241,7 +242,12 @@ class QPDerivative:
             "each other (the LP of the multipliers is {})",
             zero, slope, G, h, None, None, None, None,
         )  # fmt: skip
-        value = value + N @ best.x
+        # entries of 0 that rounding has moved would be strictly active
+        share = np.abs(N).sum(axis=1)
+        zero = VANISHED * share * largest(value[share > 0.0])
+        if zero.any():
+            value = value + N @ best.x
+            value[np.abs(value) < zero] = 0.0
         return Point(point.x, *np.split(value, (qp.b.size, qp.b.size + qp.h.size)))
 
     def direction(self, changes: dict[str, Any]) -> dict[str, Any]:
