@@ -263,6 +263,19 @@ def test_an_unknown_is_weak_though_the_terms_of_its_w_cancel(kind):
     assert result.directional(dq=dq).z[2] == 0.0
 
 
+@pytest.mark.parametrize("kind", [np.array, sp.csr_array])
+def test_an_unknown_is_weak_though_rounding_alone_moves_its_w(kind):
+    """z = (0, 0, 1, 0), w = 0, up to rounding, and so is the sum of terms of w_1."""
+    A = np.array([[7.0, 2, 0, -6], [2, 8, 4, -2], [0, 4, 4, 1], [-6, -2, 1, 10]])
+    q, rng = np.array([0.0, -4.0, -4.0, -1.0]), np.random.default_rng(0)
+    result = namlcp.solve_lcp(kind(A), q)
+    for _ in range(20):
+        dq = rng.standard_normal(4)
+        found = result.directional(dq=dq).z
+        near = namlcp.solve_lcp(A, q + 1e-6 * dq).z
+        np.testing.assert_allclose(found, 1e6 * (near - np.eye(4)[2]), 1e-6, 1e-6)
+
+
 def test_a_singular_free_block_keeps_the_weak_unknowns():
     """A = [1 1; 1 1], w = 0 in both, z = (1, 0): only the first one is free then."""
     result = namlcp.solve_lcp(np.ones((2, 2)), [-1.0, -1.0])

@@ -43,6 +43,9 @@ from namlcp.status import Status
 
 # Of multigrid solves, relative to the right-hand side.
 RESIDUAL = 1e-12
+# A z_i between its bounds adds to the terms of w as if it were at least this multiple
+# of the largest one, in units that make diag(A) ones: w is 0 up to 1e-14 of that.
+ERROR = 1e-6
 # A matrix is singular if the ratio of its pivots is below this; singular values below
 # this times its order count as 0.
 SINGULAR = 1e-13
@@ -57,7 +60,9 @@ class LCPDerivative:
             raise ValueError("derivatives need the entries of A, got a LinearOperator")
         self.lcp, self.given, self.z = lcp, given, z
         matrix, q, lower, upper = lcp
-        terms = abs(matrix.A) @ np.abs(z) + np.abs(q)
+        free = (lower < z) & (z < upper)
+        error = ERROR * np.max(matrix.root * np.abs(z), initial=0.0) / matrix.root
+        terms = abs(matrix.A) @ (np.abs(z) + np.where(free, error, 0.0)) + np.abs(q)
         self.strict, self.whole = sides_of_lcp(terms, lower, upper, matrix.slopes, z, w)
         self.weak = int(np.count_nonzero(self.whole) - np.count_nonzero(self.strict))
         self.singular = False
