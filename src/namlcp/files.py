@@ -100,31 +100,40 @@ class Model:
             if "'MARKER'" in words:
                 raise ValueError("it has integer variables")
             column = self.columns.setdefault(words[0], len(self.columns))
-            pairs = self.pairs(words[1:])
+            pairs = self.pairs(words[1:], self.kinds)
             self.entries += [(row, column, value) for row, value in pairs]
         elif section in ("RHS", "RANGES"):
             sides = self.sides if section == "RHS" else self.ranges
-            sides.update(self.pairs(words[len(words) % 2 :]))
+            sides.update(self.pairs(words[len(words) % 2 :], self.kinds))
         elif section == "BOUNDS":
             self.bound(words)
         elif section in ("QUADOBJ", "QSECTION", "QMATRIX"):
-            i, j = self.columns[words[0]], self.columns[words[1]]
-            self.squares.append((i, j, float(words[2])))
-            if section != "QMATRIX" and i != j:
-                self.squares.append((j, i, float(words[2])))
+            i = self.columns[words[0]]
+            for name, value in self.pairs(words[1:], self.columns, "column"):
+                j = self.columns[name]
+                self.squares.append((i, j, value))
+                if section != "QMATRIX" and i != j:
+                    self.squares.append((j, i, value))
         elif section == "OBJSENSE":
-            self.sign = -1.0 if words[0].upper().startswith("MAX") else 1.0
+            sense = words[0].upper()
+            if not sense.startswith(("MIN", "MAX")):
+                raise ValueError(f"the sense {sense} is unknown")
+            self.sign = -1.0 if sense.startswith("MAX") else 1.0
         else:
             raise ValueError(f"the section {section} is unknown")
 
-    def pairs(self, words: list[str]) -> list[tuple[str, float]]:
-        """Return names of rows and numbers, which alternate; raise for other names."""
+    def pairs(
+        self, words: list[str], known: dict[str, Any], kind: str = "row"
+    ) -> list[tuple[str, float]]:
+        """Return names and numbers, which alternate; raise for other names, and NaN."""
         if len(words) % 2:
             raise ValueError(f"a line has a name without a number: {' '.join(words)}")
         found = [(words[k], float(words[k + 1])) for k in range(0, len(words), 2)]
-        for row, _ in found:
-            if row not in self.kinds:
-                raise ValueError(f"there is no row {row}")
+        for name, value in found:
+            if name not in known:
+                raise ValueError(f"there is no {kind} {name}")
+            if np.isnan(value):
+                raise ValueError(f"the number of the {kind} {name} is NaN")
         return found
 
     def bound(self, words: list[str]) -> None:
@@ -196,12 +205,11 @@ def mps_problem(lines: Iterable[str]) -> qpsolvers.Problem:
         if not words or line.startswith("*"):
             continue
         if not line[0].isspace():
-            section = words[0].upper()
+            section, *words = words[0].upper(), *words[1:]
             if section == "ENDATA":
                 break
-            if section == "OBJSENSE" and len(words) > 1:
-                model.read(section, words[1:])
-            continue
+            if section != "OBJSENSE" or not words:
+                continue
         try:
             model.read(section, words)
         except (ValueError, KeyError, IndexError) as error:

@@ -80,6 +80,13 @@ def test_qps_file(tmp_path, capsys):
         assert main(["solve", str(path), *option]) == 2
 
 
+def test_a_line_of_a_qps_file_may_have_two_entries(tmp_path):
+    path = tmp_path / "two.qps"
+    path.write_text(QPS.replace("    x x 0.02", "    x x 0.02 y 0.01"))
+    P = files.read_problem(str(path)).P.toarray()
+    assert P.tolist() == [[0.02, 0.01], [0.01, 2.0]]
+
+
 def test_a_solver_that_raises_is_named(tmp_path, capsys):
     path = tmp_path / "bounds.mps"
     path.write_text(QPS.replace(" UP set x 50.0", " UP set x 1.0"))
@@ -102,6 +109,9 @@ def test_infeasible_file_says_so(tmp_path, capsys):
         (" LO set x 2.0", " BV set x", "line 13: bounds of the kind BV"),
         (" G row", " H row", "line 4: row row is of the unknown kind H"),
         (" x x 0.02", " x x much", "line 17: could not convert"),
+        (" x x 0.02", " x other 0.02", "line 17: there is no column other"),
+        (" rhs row 10.0", " rhs row nan", "line 9: the number of the row row is NaN"),
+        ("ROWS", "OBJSENSE\n WORST\nROWS", "line 3: the sense WORST is unknown"),
         (" y row -1.0", " M 'MARKER' 'INTORG'", "integer variables"),
     ],
 )
