@@ -21,7 +21,6 @@ from namlcp.derivatives.gradients import (
 from namlcp.derivatives.lcp import LCPDerivative
 from namlcp.derivatives.qp import BatchDerivative, ClosestDerivative, QPDerivative
 from namlcp.lcp.data import LCP, Prepared
-from namlcp.linalg.csc import times
 from namlcp.qp.batch import CHANGED, STATUSES, Items
 from namlcp.qp.closest import Nearest
 from namlcp.qp.intake import whole
@@ -36,7 +35,7 @@ LOST = (
 )
 Array = TypeVar("Array")
 # What results keep for their derivatives; most entries of an array printed in full.
-INNER, SHORT = ("problem", "stamp"), 8
+INNER, SHORT = ("problem", "stages", "stamp"), 8
 
 
 class Public(type):
@@ -438,7 +437,7 @@ class QPResult(Single, ResultBase):
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class ClosestPoint(Single):
+class ClosestPoint(Single, Nearest):
     """The solution of the feasible problem nearest to an infeasible QP.
 
     That problem has the sides h + shift_h, b + shift_b, lb + shift_lb and ub +
@@ -480,20 +479,7 @@ class ClosestPoint(Single):
     ('primal_infeasible', array([1.5]), array([1.5, 1.5]))
     """
 
-    status: Status
-    x: np.ndarray
-    y: np.ndarray
-    z: np.ndarray
-    z_box: np.ndarray
-    obj: float
-    residuals: Residuals
-    shift_h: np.ndarray
-    shift_b: np.ndarray
-    shift_lb: np.ndarray
-    shift_ub: np.ndarray
-    norm: int
-    message: str
-    problem: Any = None  # the QP, (P, G, A) as they were given, and the stages
+    problem: Any = None  # the QP, and (P, G, A) as they were given
     stamp: int | None = None
     PUBLIC = "backward", "derivative", "found"
 
@@ -541,7 +527,7 @@ class ClosestPoint(Single):
 
     @cached_property
     def kept(self) -> ClosestDerivative:
-        return ClosestDerivative(*self.problem)
+        return ClosestDerivative(*self.problem, *self.stages)
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -719,18 +705,7 @@ def qp_result(
 
 def closest_point(found: Nearest, problem: tuple[QP, Any]) -> ClosestPoint:
     """Return what was found for an infeasible problem, given as in `qp_result`."""
-    qp, x, parts = problem[0], found.point.x, found._asdict()
-    point, shifts, stages = (parts.pop(name) for name in ("point", "shifts", "stages"))
-    names = ("shift_h", "shift_b", "shift_lb", "shift_ub")
-    objective = float(x @ (0.5 * times(qp.P, x) + qp.q))
-    return ClosestPoint(
-        **parts,
-        **point._asdict(),
-        **dict(zip(names, shifts, strict=True)),
-        obj=OBJECTIVE.get(found.status, objective),
-        problem=stages and (*problem, *stages),
-        stamp=stamp_of(qp),
-    )
+    return ClosestPoint(**vars(found), problem=problem, stamp=stamp_of(problem[0]))
 
 
 def batch_result(outcomes: Any, items: Items, seconds: float) -> BatchResult:

@@ -29,6 +29,7 @@ QP for any k; k is the least one that gives all of them their sign.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -42,7 +43,7 @@ from namlcp.options import SIDES, Relaxation
 from namlcp.qp.certificates import largest
 from namlcp.qp.problem import NO_GUESS, QP, Guess, Point, make_guess
 from namlcp.residuals import UNDEFINED, Residuals, qp_residuals
-from namlcp.status import Outcome, Status
+from namlcp.status import OBJECTIVE, Outcome, Status
 
 Solve = Callable[..., Outcome]
 """Solves a QP: (qp, guess, limits), see `namlcp.qp.route`."""
@@ -335,20 +336,27 @@ def face_of(rows: Rows, x: np.ndarray, v: np.ndarray, v_box: np.ndarray) -> Face
     return Face(rows, x, v, v_box, sense, r, lb, ub)
 
 
-class Nearest(NamedTuple):
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Nearest:
     """What the search for the nearest feasible problem found, see `ClosestPoint`.
 
-    shifts: of h, b, lb and ub. stages, with SOLVED: the face, the QP of stage 2 and its
-    solution.
+    stages, with SOLVED: the `Face`, the QP of stage 2 and its solution.
     """
 
     status: Status
-    point: Point
+    x: np.ndarray
+    y: np.ndarray
+    z: np.ndarray
+    z_box: np.ndarray
+    obj: float
     residuals: Residuals
-    shifts: tuple[np.ndarray, ...]
+    shift_h: np.ndarray
+    shift_b: np.ndarray
+    shift_lb: np.ndarray
+    shift_ub: np.ndarray
     norm: int
     message: str
-    stages: tuple[Face, QP, Point] | None = None
+    stages: Any = None
 
 
 StageOne = tuple[Rows, Outcome, Face | None]  # the last if it is solved
@@ -385,7 +393,7 @@ def nearest(
                 return other
             # rows let go wrongly would leave a solution with larger shifts
             most = LARGER * rows.cost(face.x) + limits.eps_abs
-            if other.status is Status.SOLVED and rows.cost(other.point.x) <= most:
+            if other.status is Status.SOLVED and rows.cost(other.x) <= most:
                 return other
     return found
 
@@ -434,7 +442,7 @@ def least_cost(
         found = reported(qp, rows, point, face.shifts(point.x), status, message)
         residuals = found.residuals
         if residuals.solved(*limits.tolerances):
-            return found._replace(stages=(face, easier, second.point))
+            return replace(found, stages=(face, easier, second.point))
         if residuals._replace(dual=0.0, gap=0.0).solved(*limits.tolerances):
             x = point.x
         status, message = Status.STALLED, UNPROVED.format(*residuals[:3]) + message
@@ -452,12 +460,21 @@ def reported(
     qp: QP, rows: Rows, point: Point, r: np.ndarray, status: Status, message: str
 ) -> Nearest:
     """Return a point and shifts of the rows with residuals, NaN without multipliers."""
-    h, b, lb, ub = shifts = rows.shifts(r)
+    shifts, x = dict(zip(SIDES, rows.shifts(r), strict=True)), point.x
     residuals = UNDEFINED
     if not np.isnan(point.z_box).any():
-        sides = {"h": qp.h + h, "b": qp.b + b, "lb": qp.lb + lb, "ub": qp.ub + ub}
+        sides = {side: getattr(qp, side) + shift for side, shift in shifts.items()}
         residuals = qp_residuals(*qp._replace(**sides), *point)
-    return Nearest(status, point, residuals, shifts, rows.norm, message.strip())
+    objective = float(x @ (0.5 * times(qp.P, x) + qp.q))
+    return Nearest(
+        **point._asdict(),
+        **{f"shift_{side}": shift for side, shift in shifts.items()},
+        status=status,
+        obj=OBJECTIVE.get(status, objective),
+        residuals=residuals,
+        norm=rows.norm,
+        message=message.strip(),
+    )
 
 
 def without_multipliers(qp: QP, x: np.ndarray) -> Point:
