@@ -50,7 +50,7 @@ class Fronts(Factors):
         self.sides, size = sources.shape
         n, number, length = self.n, nodes.parent.size, nodes.rows.size
         ints, above = np.empty((2, number), np.int32), np.empty(length, np.int32)
-        at, target = np.empty(number, np.intp), np.empty(size, np.intp)
+        at, target = np.zeros(number, np.intp), np.empty(size, np.intp)
         x, passed = np.empty(n), np.empty(length)
         t = address(self.t)
         t.number = number
