@@ -309,3 +309,15 @@ def test_nearly_solvable():
     assert solve_lcp(A, q, eps_rel=1e-9).status is Status.SOLVED
     assert solve_lcp(A, q, eps_rel=1e-15).status is not Status.SOLVED
     assert solve_lcp(A, [-1.0, -1e-3]).status is Status.UNSOLVABLE
+
+
+def test_a_cone_that_nnls_leaves_open_proves_nothing(monkeypatch):
+    """SciPy raises where its active sets cycle, as for matrices of 1e-9 to 1e9."""
+
+    def cycling(*arguments):
+        raise RuntimeError("Maximum number of iterations reached.")
+
+    A, q = [[0.0, 0.0], [2.0, 0.0]], [1.0, -3.0]
+    assert solve_lcp(A, q).method == "enumeration"
+    monkeypatch.setattr("scipy.optimize.nnls", cycling)
+    assert solve_lcp(A, q).status is Status.STALLED

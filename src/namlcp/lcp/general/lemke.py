@@ -259,7 +259,11 @@ def solve_by_enumeration(search: Search) -> Outcome | None:
     for k in np.flatnonzero(least <= OUTSIDE * size):
         if search.limits.deadline.reached():
             return None
-        x, distance = nnls(cones[k], plain.r)
+        try:
+            x, distance = nnls(cones[k], plain.r)
+        except RuntimeError:  # too many iterations: whether q is in the cone is open
+            nearest = 0.0
+            continue
         z = lcp.start(plain.z(np.where(faces[k], x, 0.0)))
         if distance < nearest:
             nearest, best = distance, z
