@@ -38,9 +38,8 @@ SLOPE_ROUNDING, LEAST_FALL = 1e-13, 1e-10
 # Entries of A'v beyond this, relative to |A|'|v|, may stay if A is not symmetric and a
 # finite bound on z_i limits the product with z_i.
 CLEAR_SLOPE = 1e-5
-# Corrections at most; after each, entries that changed their sign are set to 0. Of an
-# iterative one: relative accuracy, steps and multiplications at most.
-DROPS, CORRECTION, CORRECTION_STEPS, MULTIPLICATIONS = 4, 1e-6, 2000, 200_000_000
+# Of an iterative correction: relative accuracy, steps and multiplications at most.
+CORRECTION, CORRECTION_STEPS, MULTIPLICATIONS = 1e-6, 2000, 200_000_000
 
 # Vectors in the memory: the scaled matrix is D A D; the iterate, the right-hand side.
 D, Z, RHS = range(3)
@@ -194,29 +193,22 @@ def corrected(
 ) -> np.ndarray | None:
     """Return the proof near v with (A'v)_rows = 0 and no sign changed, or None.
 
-    The change D u is the least in the scaling d, (A'D u)_rows = (A'v)_rows. Entries
-    whose sign it would change are set to 0, and a new one is computed without them.
+    The change D u is the least in the scaling d, (A'D u)_rows = (A'v)_rows.
     """
-    A = lcp.A
+    A, support = lcp.A, np.flatnonzero(v)
     steps = max(min(CORRECTION_STEPS, MULTIPLICATIONS // (A.size + v.size)), 1)
-    for _ in range(DROPS):
-        support = np.flatnonzero(v)
-        slope = d * (A.T @ v)
-        B = sparse.diags_array(d[support]) @ A[support] @ sparse.diags_array(d)
-        B = B.T[rows]
-        if v.size <= DENSE_ORDER:
-            B = B.toarray() if sparse.issparse(B) else B
-            u = np.linalg.lstsq(B, slope[rows], rcond=None)[0]
-        elif lcp.matrix.symmetric:
-            B = B[support].tocsr() if sparse.issparse(B) else B[support]
-            u = cg(B, slope[support], rtol=CORRECTION, maxiter=steps)[0]
-        else:
-            end = {"atol": CORRECTION, "btol": CORRECTION, "maxiter": steps}
-            u = lsmr(B, slope[rows], **end)[0]
-        found = v.copy()
-        found[support] -= d[support] * u
-        turned = found * v < 0.0
-        if not turned.any():
-            return proven(lcp, d, found)
-        v = np.where(turned, 0.0, v)
-    return None
+    slope = d * (A.T @ v)
+    B = sparse.diags_array(d[support]) @ A[support] @ sparse.diags_array(d)
+    B = B.T[rows]
+    if v.size <= DENSE_ORDER:
+        B = B.toarray() if sparse.issparse(B) else B
+        u = np.linalg.lstsq(B, slope[rows], rcond=None)[0]
+    elif lcp.matrix.symmetric:
+        B = B[support].tocsr() if sparse.issparse(B) else B[support]
+        u = cg(B, slope[support], rtol=CORRECTION, maxiter=steps)[0]
+    else:
+        end = {"atol": CORRECTION, "btol": CORRECTION, "maxiter": steps}
+        u = lsmr(B, slope[rows], **end)[0]
+    found = v.copy()
+    found[support] -= d[support] * u
+    return None if (found * v < 0.0).any() else proven(lcp, d, found)
