@@ -29,7 +29,6 @@ from namlcp.lcp.data import Prepared
 from namlcp.lcp.loops import row_sums
 from namlcp.lcp.multigrid.kernels import (
     ascend,
-    coarse_rows,
     descend,
     find_diagonal,
     free_product,
@@ -295,7 +294,9 @@ def coarsen(
         P, C = found
         R = sparse.csr_array(P.T)
         levels.append(Level(A, diagonal, d, P, R, C))
-        A = coarse_matrix(A, P, R)
+        A = sparse.csr_array(R @ A @ P)
+        A.eliminate_zeros()
+        A.sort_indices()
         entries -= A.nnz
     return None
 
@@ -369,17 +370,3 @@ def strong(A: Any) -> Any:
     count = strong_couplings(A, THETA, indptr, indices, data)
     parts = indptr, indices[:count], data[:count]
     return from_arrays(parts, A.shape, sparse.csr_array)
-
-
-def coarse_matrix(A: Any, P: Any, R: Any) -> Any:
-    """Return R A P as a sorted csr_array."""
-    m, capacity, done = R.shape[0], 2 * A.nnz, 0
-    indptr = np.zeros(m + 1, np.int32)
-    indices, data = np.empty(capacity, np.int32), np.empty(capacity)
-    while True:
-        done = coarse_rows(R, A, P, done, indptr, indices, data)
-        capacity = indptr[m] if done == m else 2 * capacity
-        for part in (indices, data):
-            part.resize(capacity, refcheck=False)
-        if done == m:
-            return from_arrays((indptr, indices, data), (m, m), sparse.csr_array)

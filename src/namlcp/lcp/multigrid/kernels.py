@@ -40,69 +40,6 @@ def strong_couplings(matrix, theta, indptr, indices, data):
     return count
 
 
-def coarse_rows(restriction, matrix, interpolation, done, indptr, indices, data):
-    """Write rows of R A P from row `done` on, sorted, without zeros.
-
-    Returns the row that finds `data` full, else the number of rows. A row of R A at a
-    time: all of R A has more entries than A and R A P together. Sums are in SciPy's
-    order.
-    """
-    n, m = matrix.shape[0], indptr.shape[0] - 1
-    A, P = rows_of(matrix, n), rows_of(interpolation, n)
-    R = rows_of(restriction, m)
-    # a row of R A: its columns, its values, and where a column is among these
-    column: cython.int[::1] = np.empty(n, np.int32)
-    value: cython.double[::1] = np.empty(n)
-    position: cython.int[::1] = np.zeros(n, np.int32)
-    coarse_position: cython.int[::1] = np.zeros(m, np.int32)
-    capacity: cython.Py_ssize_t = data.shape[0]
-    with cython.nogil:
-        for j in range(done, m):
-            count: cython.int = 0
-            for k in range(R.indptr[j], R.indptr[j + 1]):
-                i = R.indices[k]
-                for t in range(A.indptr[i], A.indptr[i + 1]):
-                    l = A.indices[t]
-                    p = position[l]
-                    if p >= count or column[p] != l:
-                        p = position[l] = count
-                        column[p], value[p] = l, 0.0
-                        count += 1
-                    value[p] += R.data[k] * A.data[t]
-            start = end = indptr[j]
-            for q in range(count - 1, -1, -1):
-                l, x = column[q], value[q]
-                if x == 0.0:
-                    continue
-                for s in range(P.indptr[l], P.indptr[l + 1]):
-                    c = P.indices[s]
-                    p = coarse_position[c]
-                    if p < start or p >= end or indices[p] != c:
-                        if end == capacity:
-                            return j
-                        p = coarse_position[c] = end
-                        indices[p], data[p] = c, 0.0
-                        end += 1
-                    data[p] += x * P.data[s]
-            indptr[j + 1] = sort_row(indices, data, start, end)
-    return m
-
-
-def sort_row(indices, data, start, end):
-    """Sort a row without its zeros; return its end."""
-    kept = start
-    for k in range(start, end):
-        c, x = indices[k], data[k]
-        if x != 0.0:
-            p = kept
-            while p > start and indices[p - 1] > c:
-                indices[p], data[p] = indices[p - 1], data[p - 1]
-                p -= 1
-            indices[p], data[p] = c, x
-            kept += 1
-    return kept
-
-
 def find_diagonal(matrix, places, d):
     """Write places and values of the diagonal; tell whether all is there and positive.
 
