@@ -30,7 +30,6 @@ from namlcp.lcp.loops import row_sums
 from namlcp.lcp.multigrid.kernels import (
     ascend,
     descend,
-    find_diagonal,
     free_product,
     strong_couplings,
     truncate_coarse,
@@ -279,8 +278,11 @@ def coarsen(
     entries = MOST_COARSE_ENTRIES * A.nnz
     while entries >= 0 and not deadline.reached():
         n = A.shape[0]
-        diagonal, d = np.empty(n, np.int32), np.empty(n)
-        if not find_diagonal(A, diagonal, d):
+        rows = np.arange(n, dtype=np.int32).repeat(np.diff(A.indptr))
+        diagonal = np.flatnonzero(A.indices == rows).astype(np.int32)
+        del rows  # as large as the pattern
+        d = A.data[diagonal]
+        if d.size < n or not (d > 0.0).all():
             return None
         found = None
         if n > MAX_COARSE and len(levels) < MAX_LEVELS:

@@ -40,23 +40,6 @@ def strong_couplings(matrix, theta, indptr, indices, data):
     return count
 
 
-def find_diagonal(matrix, places, d):
-    """Write places and values of the diagonal; tell whether all is there and positive.
-
-    On False the vectors are not complete.
-    """
-    n = d.shape[0]
-    A = rows_of(matrix, n)
-    for i in range(n):
-        k = A.indptr[i]
-        while k < A.indptr[i + 1] and A.indices[k] < i:
-            k += 1
-        if k == A.indptr[i + 1] or A.indices[k] != i or not A.data[k] > 0.0:
-            return False
-        places[i], d[i] = k, A.data[k]
-    return True
-
-
 def free_product(matrix, dinv, x, y):
     """Write y = T A x, in less than half of the time of SciPy's product."""
     n = dinv.shape[0]
