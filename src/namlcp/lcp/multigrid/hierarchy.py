@@ -97,15 +97,16 @@ class VCycle:
 
     A caller sets a face in faces[k].dinv and calls `follow_face`, which changes coarser
     levels only; so faces on several levels must be set from the coarsest level up.
+    all_free: no face will be set, which saves copies of the coarse matrices.
     """
 
-    def __init__(self, levels: list[Level], symmetric: bool):
+    def __init__(self, levels: list[Level], symmetric: bool, all_free: bool = False):
         self.levels, self.symmetric = levels, symmetric
         self.faces: list[FaceOnLevel] = []
         self.room = []
         for level in levels:  # all unknowns are free
             A, n = level.A, level.d.size
-            if self.faces:
+            if self.faces and not all_free:
                 parts = A.indptr, A.indices, A.data.copy()
                 A = from_arrays(parts, A.shape, sparse.csr_array)
             self.faces.append(FaceOnLevel(A, 1.0 / level.d, np.zeros(n, np.uint8)))
@@ -309,7 +310,7 @@ def measured_rate(levels: list[Level], symmetric: bool) -> float:
     The norm is that of A for symmetric A, else the 2-norm of the residual.
     """
     A, d = levels[0].A, levels[0].d
-    cycle = VCycle(levels, symmetric)
+    cycle = VCycle(levels, symmetric, all_free=True)
     x = np.random.default_rng(0).standard_normal(d.size)
     r, y = np.empty((2, d.size))
     size, rate = np.inf, 1.0
