@@ -15,7 +15,7 @@ cpdef enum Code:
     # How a part of a solve ended. STUCK: another form or method has to solve the QP.
     # SUMMED: as DONE, but the terms are so large that the order of their sums matters.
     # CONTRADICTION, UNBOUNDED: there is a candidate for a certificate; of a dense QP at
-    # last the certificate itself, else UNPROVED. MOVED: it has not ended.
+    # last the certificate itself, else UNPROVED.
     DONE
     CONTRADICTION
     LATE
@@ -23,7 +23,6 @@ cpdef enum Code:
     SUMMED
     UNBOUNDED
     UNPROVED
-    MOVED
 
 
 cdef class ActiveSet(Watched):
@@ -35,7 +34,7 @@ cdef class ActiveSet(Watched):
         # G u alone; the most active rows and responses; equations that depend on others.
         Py_ssize_t n, m, p, rows, length, most, capacity, skipped
         # Values at the base point and now, their change for a multiplier that grows, or
-        # along a direction of conjugate gradients; 1 over the norms of the rows.
+        # from the last centre to the next; 1 over the norms of the rows.
         double *s0, *s, *direction, *scale
         # Active rows: index, multiplier, the triangle L with L L' = S; side of every row:
         # 1 at h or ub, -1 at lb, 0 if not active.
@@ -51,8 +50,8 @@ cdef class ActiveSet(Watched):
         Py_ssize_t next_place
         # Products of the point; right-hand sides; a refinement.
         double *Px, *Gx, *Ax, *Gtz, *Aty, *rhs, *change
-        # Of `rounds`: W, what it is made of; the centre; P times the direction.
-        double *weight, *shape, *reach, *centre, *Palong
+        # Of `rounds`: W, what it is made of; (G x, x) for the centre x.
+        double *weight, *shape, *reach, *centre
         # rho in W, 0 without W; what it is to be over that of the data, 0 for W only
         # where P has no good factor, NO_WEIGHT for never; the largest diagonal entry of P.
         double rho, wanted, largest

@@ -198,8 +198,7 @@ def lay_out_rows(m):
     m.Px, m.Gx, m.Ax = reals(m, n), reals(m, m.m), reals(m, p)
     m.Gtz, m.Aty, m.rhs = reals(m, n), reals(m, n), reals(m, n + p)
     m.weight, m.shape, m.reach = reals(m, n), reals(m, n), reals(m, p)
-    m.centre, m.Palong = reals(m, n), reals(m, n)
-    m.responses = reals(m, m.capacity * length)
+    m.centre, m.responses = reals(m, rows), reals(m, m.capacity * length)
 
 
 def make_room(m):
@@ -337,7 +336,7 @@ def set_base_values(m):
         m.rhs[j] = -m.q[j]
     if m.rho != 0.0:
         for j in range(m.n):
-            m.rhs[j] += m.weight[j] * m.centre[j]
+            m.rhs[j] += m.weight[j] * m.centre[m.m + j]
     copy(m.b, m.rhs + m.n, m.p)
     m.set_values(m.rhs, m.s0)
     m.base_size = size_of(m, m.s0)

@@ -8,24 +8,23 @@ Where P has no good factor, the base problem has one with P + W in its place, W 
 A round with the centre c, at first 0,
 
 1. minimises 1/2 x'Px + q'x + 1/2 (x - c)'W(x - c) by `engine`, from the active rows of
-   the round before: its base solution is K^-1 (W c - q, b);
-2. minimises the cost without W on the face of the active rows F, by `descend`.
+   the round before: its base solution is K^-1 (W c - q, b); x is the next centre;
+2. minimises the cost without W on the face of the active rows F, by `judge`.
 
-If the point at hand has the right signs and violates no row, the QP is solved. Else it
-is the next centre; so is the point where the second step meets the first row that is
-not active. Every centre is feasible and the cost falls from round to round, so that no
-F comes back (Rockafellar, SIAM J. Control Optim. 14 (1976) 877-898).
+If the point at hand has the right signs and violates no row, the QP is solved. Every
+centre is feasible and the cost falls from round to round, so that no F comes back
+(Rockafellar, SIAM J. Control Optim. 14 (1976) 877-898). Centres that move along a
+direction without curvature, in which no row is met and the cost falls, have found a
+ray: the QP is unbounded.
 
-The second step takes conjugate gradients, whose preconditioner is the operator K_F,
-that of P + W on the face. With r = P x + q + G'z + A'y, z the multipliers of G, of
-either sign here, and mu those of active rows, a pass takes
+The second step is the refinement with K_F, the operator of P + W on the face. With
+r = P x + q + G'z + A'y, z the multipliers of G, and mu those of active rows, it takes
 
     (dx, dy) = K^-1 (-r, b - A x),   dmu = S^-1 (dx_F + s_F - d_F),   s = (G x, x, y),
-    p = dx - sum dmu_i w_i + (e / e_old) p_old,   e = dx'(P + W) dx,
 
-mu += dmu, y += dy, x += e / p'Pp p. There are as many passes as curvatures on the face
-that are not large against W: one to three, mostly. A direction without curvature along
-which no row is met and the cost falls is a ray: the QP is unbounded.
+mu += dmu, y += dy, x += dx - sum dmu_i w_i: a proximal step on the face, after which
+the part of the error along a curvature c of P, in units of D, is rho / (rho + c) of
+that before. As rho is small, there are one to three steps, mostly.
 
 D is the diagonal of P, with the geometric mean of its positive entries in place of the
 others, and rho a multiple of
@@ -45,29 +44,16 @@ from cython.cimports.libc.math import INFINITY, exp, fabs, floor, log, sqrt
 from namlcp import checks
 
 # A point is refined until its residuals over the moduli of their terms are at most
-# ACCURATE, or FRESH if x was made in one go, and within tolerance by ROUNDING of these
-# moduli; each of the CORRECTIONS has to lower them by the factor GAIN.
+# ACCURATE, or FRESH if x was made in one go or in rounds, and within tolerance by
+# ROUNDING of these moduli. Each of the CORRECTIONS has to lower them by the part GAIN.
 ACCURATE, FRESH, ROUNDING, GAIN = 1e-12, 1e-14, 4e-15, 0.5
 # In place of 0 where a size is divided by; what is infinite beside sides of about 1.
 LEAST_DIVISOR, INFINITE = checks.LEAST_DIVISOR, checks.INFINITE
 # rho over that power of 16, if no other is asked for; m.wanted without any weight.
-RHO, NO_WEIGHT = 1e-4, -1.0
-# PASSES on a face end at the relative residual EXACT, or at GOOD where one gains less
-# than a factor of 2.
-EXACT, GOOD = 1e-15, 1e-10
-# Curvature over that of D up to which there is none, and the residual at which a
-# direction without it is one of rounding errors.
-FLAT, NEARLY_EXACT = 1e-13, 1e-12
-# What is rounding: of the change of x, where the active rows take away all but
-# CANCELLED of it; TINY over x, of that and of the distance from a face, to which STEADY
-# passes bring the point first; TINY of P d over d for a ray d, in scaled variables.
-CANCELLED, TINY = 1e-11, 1e-14
-# Curvature over that of W up to which a direction may be near a ray.
-OPEN = 0.1
-# The gain of one of the RAY_PASSES below which it was the last; the largest P d over d.
-RAY_GAIN, MOST_CURVED = 0.9, 1e-9
-# Growth of a row of norm 1 along a direction of size 1 up to which it is rounding.
-LEAST_GROWTH = 1e-11
+RHO, NO_WEIGHT = 1e-6, -1.0
+# Of a ray d of size 1, in scaled variables: the largest P d, and the growth of a row of
+# norm 1, that are rounding.
+MOST_CURVED, LEAST_GROWTH = 1e-13, 1e-11
 
 
 def is_fit(m):
@@ -121,22 +107,25 @@ def solve_by_rounds(m):
     """
     found = STUCK
     m.level = ROUND_ROUNDING
-    fill(m.centre, 0.0, m.n)
+    fill(m.centre, 0.0, m.rows)
     m.begin()
     if m.k > 0:
-        found = descend(m)
-        if found == UNBOUNDED:  # the rows at hand need not be feasible
-            found = STUCK
-    for _ in range(MOST_ROUNDS):
+        m.set_multipliers()
+        m.set_point_values()
+        found = judge(m)
+    for turn in range(MOST_ROUNDS):
         if found != STUCK:
             return found
         drop_wrong_signs(m)
         found = pivot(m)
         if found != DONE:
             return found
-        found = descend(m)
+        for i in range(m.rows):
+            m.direction[i], m.centre[i] = m.s[i] - m.centre[i], m.s[i]
+        found = judge(m)
         if found == STUCK:
-            copy(m.s + m.m, m.centre, m.n)
+            if turn > 0 and is_ray(m):  # 0, the first centre, need not be feasible
+                return UNBOUNDED
             set_base_values(m)
     return found
 
@@ -234,12 +223,11 @@ def set_correction(m):
 
 
 def set_change(m, to_sides):
-    """Set m.change to K^-1 m.rhs less a sum of m.ratio_i w_i; return its size without.
+    """Set m.change to K^-1 m.rhs less the sum of m.ratio_i w_i of the active rows.
 
-    What is left leads the active rows to their sides, or else is 0 there.
+    It leads these rows to their sides, or else is 0 there.
     """
     m.set_values(m.rhs, m.change)
-    size = size_of(m, m.change)
     for i in range(m.k):
         row = m.active[i]
         m.ratio[i] = m.change[row]
@@ -249,18 +237,15 @@ def set_change(m, to_sides):
     triangle_solve_transposed(m.triangle, m.k, m.ratio)
     subtract_responses(m, m.ratio, m.k, m.change)
     m.set_x(m.rhs, m.ratio, m.change)
-    return size
-
-
-def take_change(m):
-    add_scaled(1.0, m.change, m.s, m.rows + m.p)
-    add_scaled(1.0, m.ratio, m.multiplier, m.k)
 
 
 def judge(m):
-    """Measure the point; refine it as long as that is needed and pays."""
+    """Measure the point; refine it as long as that is needed and pays.
+
+    With W a correction is a proximal step on the face of the active rows.
+    """
     error = INFINITY
-    least = ACCURATE if m.length > m.m else FRESH
+    least = ACCURATE if m.length > m.m and m.rho == 0.0 else FRESH
     for turn in range(CORRECTIONS + 1):
         set_point(m)
         m.set_products(not clip_point(m) and m.k + m.pivots + turn == 0)
@@ -270,153 +255,31 @@ def judge(m):
             break
         if m.on_face:  # which the other form refines
             return STUCK
-        set_correction(m)
-        set_change(m, True)
-        take_change(m)
-    return verdict(m)
-
-
-# ---- the minimum on a face
-
-
-def descend(m):
-    """Minimise the cost on the face of the active rows, and judge the point.
-
-    STUCK where another row is met or it is no solution; with UNBOUNDED z_box is a ray.
-    """
-    before, best, dx = 0.0, INFINITY, m.change + m.m
-    m.set_multipliers()
-    m.set_point_values()
-    for turn in range(PASSES + 1):
         if is_over(m, 0.0):  # `set_values` counts
             return LATE
-        away, n = take_face(m), m.n
-        cost = max(largest_entry(m.Px, n), largest_entry(m.q, n))
-        rows = max(largest_entry(m.Gtz, n), largest_entry(m.Aty, n))
-        slope = largest_entry(m.rhs, n) / max(max(cost, rows), LEAST_DIVISOR)
-        error = max(slope, away)
-        if error <= EXACT or turn == PASSES or 0.5 * best <= error <= GOOD:
-            break
-        best = min(best, error)
-        whole, size = set_change(m, True), size_of(m, m.change)
-        is_rounding: cython.bint = size <= CANCELLED * whole or size <= TINY * size_of(
-            m, m.s
-        )
-        if is_rounding or (away > TINY and turn < STEADY):
-            take_change(m)
-            before = 0.0
-            continue
-        m.times_cost(dx, m.Palong)
-        energy = add_weighted(m, dx, dot(dx, m.Palong, n))
-        if before > 0.0:
-            add_scaled(energy / before, m.direction, m.change, m.rows)
-            m.times_cost(dx, m.Palong)
-        copy(m.change, m.direction, m.rows)
-        if not energy > 0.0:
-            break
-        before = energy
-        found = move(m, energy, error)
-        if found == DONE:
-            break
-        if found != MOVED:
-            return found
-    if clip_point(m):
-        m.set_products(False)
-    measure_point(m)
+        set_correction(m)
+        set_change(m, True)
+        add_scaled(1.0, m.change, m.s, m.rows + m.p)
+        add_scaled(1.0, m.ratio, m.multiplier, m.k)
     return verdict(m)
-
-
-def take_face(m):
-    """Take the values and multipliers at hand as the point, with its products.
-
-    Sets m.rhs to minus the residuals of the face, and s to the values of the point.
-    Returns the largest residual of active rows and equations over their terms.
-    """
-    set_point(m)
-    m.set_products(False)
-    away, size = 0.0, max(largest_entry(m.x, m.n), largest_entry(m.b, m.p))
-    for i in range(m.k):
-        row = m.active[i]
-        if row < m.m:
-            away = max(away, fabs(m.Gx[row] - m.h[row]))
-            size = max(size, fabs(m.h[row]))
-        else:
-            j = row - m.m
-            m.z_box[j] = -(m.Px[j] + m.q[j] + m.Gtz[j] + m.Aty[j])
-    set_correction(m)
-    return max(away, largest_entry(m.rhs + m.n, m.p)) / max(size, LEAST_DIVISOR)
-
-
-def add_weighted(m, v, sum):
-    for j in range(m.n):
-        sum += m.weight[j] * v[j] * v[j]
-    return sum
-
-
-def move(m, energy, error):
-    """Go along the direction, to its minimum or the first row: MOVED, or an end."""
-    p = m.direction + m.m
-    curvature, full = dot(p, m.Palong, m.n), INFINITY
-    of_weight = add_weighted(m, p, 0.0)
-    if curvature > FLAT / m.rho * of_weight:
-        full = energy / curvature
-    elif error <= NEARLY_EXACT:
-        return DONE
-    longest = longest_step(m, m.direction)
-    add_scaled(1.0, m.ratio, m.multiplier, m.k)
-    add_scaled(1.0, m.change + m.rows, m.s + m.rows, m.p)
-    if not curvature > OPEN * of_weight and is_ray(m):
-        return UNBOUNDED
-    if full == longest:  # without end, and yet no ray: rounding
-        return DONE
-    add_scaled(min(longest, full), m.direction, m.s, m.rows)
-    return STUCK if longest < full else MOVED
-
-
-def longest_step(m, along):
-    """Return the step along a direction up to the first row that is not active."""
-    t, least = INFINITY, LEAST_GROWTH * size_of(m, along)
-    for i in range(m.rows):
-        growth = along[i] * m.scale[i]
-        if m.side[i] != 0 or not fabs(growth) > least:
-            continue
-        if growth > 0.0:
-            t = min(t, max(goal_of(m, i, 1) - m.s[i], 0.0) / along[i])
-        elif i >= m.m:
-            t = min(t, max(m.s[i] - goal_of(m, i, -1), 0.0) / -along[i])
-    return t
 
 
 def is_ray(m):
-    """Tell whether a d near m.direction, without curvature, is a ray; it is in z_box.
-
-    Inverse iteration on the face, d = K_F^-1 W d, takes away what is curved.
-    """
-    n, ray = m.n, m.z_box
-    ratio, last = 0.0, INFINITY
-    copy(m.direction + m.m, ray, n)
-    fill(m.rhs + n, 0.0, m.p)
-    for _ in range(RAY_PASSES):
-        for j in range(n):
-            m.rhs[j] = m.weight[j] * ray[j]
-        set_change(m, False)
-        copy(m.change + m.m, ray, n)
-        for i in range(m.k):
-            if m.active[i] >= m.m:
-                ray[m.active[i] - m.m] = 0.0
-        m.times_cost(ray, m.Palong)
-        curved = 0.0
-        for j in range(n):
-            curved = max(curved, fabs(m.Palong[j]) / m.scale[m.m + j])
-        ratio = curved / max(size_of(m, m.change), LEAST_DIVISOR)
-        if not TINY < ratio < RAY_GAIN * last:
-            break
-        last = ratio
-    if dot(m.q, ray, n) < 0.0 and ratio <= MOST_CURVED:
-        if longest_step(m, m.change) == INFINITY:
-            return True
-    fill(ray, 0.0, n)
-    return False
+    """Tell whether m.direction is a ray; it is in z_box then."""
+    n, ray, along = m.n, m.z_box, m.direction
+    size, curved = size_of(m, along), 0.0
+    for i in range(m.rows):
+        growth = along[i] * m.scale[i]
+        if fabs(growth) > LEAST_GROWTH * size:
+            if growth > 0.0 and goal_of(m, i, 1) < INFINITY:
+                return False
+            if growth < 0.0 and i >= m.m and goal_of(m, i, -1) > -INFINITY:
+                return False
+    m.times_cost(along + m.m, m.Px)
+    for j in range(n):
+        curved = max(curved, fabs(m.Px[j]) / m.scale[m.m + j])
+    copy(along + m.m, ray, n)
+    return dot(m.q, ray, n) < 0.0 and curved <= MOST_CURVED * size
 
 
 # ---- certificates
