@@ -6,7 +6,7 @@ from namlcp.qp.interior.newton cimport THIN, factor, multiply
 from namlcp.qp.interior.state cimport Interior, offer
 
 cdef double OFF, RESIDUAL_GOAL, SMALL_ENOUGH, WRONG_SIGN, FIRST_SHIFT, SECOND_SHIFT
-cdef double GOOD_ENOUGH, FAR, FALL
+cdef double GOOD_ENOUGH
 cdef double CONVERGING, PROMISING, AGAIN, RAY_SHIFT, PROJECTION, PROJECTED, NEARLY_ACTIVE
 cdef enum:
     MOST_SETS = 6

@@ -39,11 +39,6 @@ WRONG_SIGN = 1e-12
 FIRST_SHIFT, SECOND_SHIFT, RAY_SHIFT = 1e-9, 1e-7, 1e-6
 # Residual over its tolerance, on unscaled data, up to which no other set is tried.
 GOOD_ENOUGH = 1e-2
-# Violation of a slack or multiplier over the tolerance above which a point is not worth
-# measuring. A set that is FAR off is followed by another only where its violation fell
-# to the part FALL of the last one's: sets that lead to the solution gain more, others
-# cost a factorisation each.
-FAR, FALL = 1e3, 0.3
 # A residual converges if an iteration reduces it to this part: then there is no test
 # for a certificate.
 CONVERGING = 0.25
@@ -64,7 +59,7 @@ def refine(m):
 
     Offers the points found to the judge. A larger shift that succeeds stays.
     """
-    best = violation = INFINITY
+    best = INFINITY
     m.regularisation = FIRST_SHIFT
     for _ in range(MOST_SETS):
         with cython.nogil:
@@ -76,16 +71,10 @@ def refine(m):
                     m.regularisation = FIRST_SHIFT
         if m.over or not m.is_factored:
             return 0
-        if m.set_violation <= FAR * m.tol or not m.set_changed:
-            worst = offer(m, m.found)
-            if worst <= GOOD_ENOUGH or not worst <= 0.5 * best:
-                return 0
-            best = worst
-        elif not m.set_violation <= FALL * violation:
+        worst = offer(m, m.found)
+        if worst <= GOOD_ENOUGH or not worst <= 0.5 * best or not m.set_changed:
             return 0
-        violation = m.set_violation
-        if not m.set_changed:
-            return 0
+        best = worst
         look_at_clock(m)
         if m.over:
             return 0
@@ -170,33 +159,29 @@ def set_residual(m):
 
 
 def choose_next_set(m):
-    """Set `found`: the point, and the next active set; and the largest violation.
+    """Set `found`: the point, and the next active set.
 
     The multiplier of a bound follows from stationarity.
     """
-    u, t, sign, unit, rows = m.least_u, m.dv, m.sign, m.unit, m.n + m.p
+    u, t, sign, rows = m.least_u, m.dv, m.sign, m.n + m.p
     active, Z = m.start + rows + m.m, m.found + rows
     chosen = Z + m.m
     multiply(m, u, u, m.Pdx, m.Ctdv, t)
     copy(u, m.found, rows)
     m.set_changed = False
-    violation = 0.0
     for k in range(m.m):
         j = m.place[k]
         if active[k]:
             gradient = u[j] if j >= m.n else -(m.Pdx[j] + m.cost[j] + m.Ctdv[j])
             multiplier = sign[k] * gradient
-            violation = max(violation, -multiplier / unit[j])
             chosen[k] = multiplier > -WRONG_SIGN
             Z[k] = max(multiplier, 0.0)
         else:
             slack = m.goal_c[k] - sign[k] * t[j]
-            violation = max(violation, -slack * unit[j])
             chosen[k] = slack < -WRONG_SIGN
             Z[k] = 0.0
         if chosen[k] != active[k]:
             m.set_changed = True
-    m.set_violation = violation
 
 
 # ---- certificates

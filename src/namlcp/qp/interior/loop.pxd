@@ -6,7 +6,7 @@ from namlcp.qp.interior.newton cimport DELTA, RHO, evaluate, regularise, start, 
 from namlcp.qp.interior.state cimport EXACT, Interior, attach, offer
 
 cdef double LIFT, TOLERABLE, CLOSER, LEAST, INSIDE, LEAST_SLACK, LEAST_MULTIPLIER
-cdef double DROP, DROP_LARGE, CLOSE, NEAR, NEAR_MU, STEADY, FAR, PASSES
+cdef double DROP, CLOSE, NEAR, NEAR_MU, STEADY, FAR, PASSES
 cdef enum:
     REPORT = 1
     JUDGE = 2
@@ -16,7 +16,6 @@ cdef enum:
     STOP = 32
     DOUBT = 64
     RESISTS = 30
-    LARGE_KKT = 5_000
     MOST_RESTARTS = 2
     PATIENCE = 100
     WARM_PATIENCE = 10

@@ -40,10 +40,9 @@ INSIDE, LEAST_SLACK, LEAST_MULTIPLIER = 1e-2, 1.0, 1e-3
 # worth measuring on unscaled data, where the sums of the gap round differently.
 CLOSE = 1e3
 # An active-set refinement needs a worst residual, or a mean of W Z, below these; a
-# worst residual that fell to the part DROP, for K with more than LARGE_KKT entries to
-# DROP_LARGE, since the last refinement; and from STEADY times the tolerance on an
-# active set that did not change in the last iteration.
-NEAR, NEAR_MU, DROP, DROP_LARGE, STEADY = 1e-2, 1e-7, 0.1, 1e-3, 100.0
+# worst residual that fell to the part DROP since the last refinement; and from STEADY
+# times the tolerance on an active set that did not change in the last iteration.
+NEAR, NEAR_MU, DROP, STEADY = 1e-2, 1e-7, 0.1, 100.0
 # The least shifts are asked where the primal residual is above FAR times its tolerance
 # and RESISTS iterations have not halved the worst one.
 FAR = 10.0
@@ -189,8 +188,7 @@ def look(m):
         if is_active != m.active[k]:
             same, m.active[k] = False, is_active
     near: cython.bint = m.tol * m.worst < NEAR or m.mu < NEAR_MU
-    drop = DROP_LARGE if m.nnz > LARGE_KKT else DROP
-    if near and m.worst <= drop * m.last_refined and (m.worst < STEADY or same):
+    if near and m.worst <= DROP * m.last_refined and (m.worst < STEADY or same):
         m.last_refined = m.worst
         wants |= ACTIVE_SET
     if promises(m):

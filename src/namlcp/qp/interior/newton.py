@@ -59,8 +59,6 @@ RHO, DELTA, FLOOR, LOWEST, TOP = 1e-6, 1e-4, 1e-7, 1e-16, 1e-6
 # Relative residuals above which a solve is bad, and below which it is accurate; the
 # latter after a step of full length, too, whose remainder is due to rho and delta.
 POOR, ACCURATE, ACCURATE_FULL = 1e-5, 1e-8, 1e-6
-# Scaled dual residual up to which rho is not held responsible for it.
-NEGLIGIBLE_RESIDUAL = 1e-12
 # A residual has to become smaller above NEEDED times its tolerance, and above BEHIND
 # times what the gap is over its own; its share of the gap above NEEDED times the
 # largest of m mu and the tolerance of the gap.
@@ -479,9 +477,7 @@ def regularise(m, old_mu):
         m.wait -= 1
     elif m.step.error < (ACCURATE_FULL if m.has_full_step else ACCURATE):
         dual, primal = m.dual_norm, max(m.row_norm, m.slack_norm)
-        rho_dominates: cython.bint = (
-            dual > NEGLIGIBLE_RESIDUAL and m.rho * m.change_x > 0.5 * dual
-        )
+        rho_dominates: cython.bint = m.rho * m.change_x > 0.5 * dual
         delta_dominates: cython.bint = m.delta * m.change_yz > 0.5 * primal
         gap = NEEDED * max(m.mu * m.m, m.eps_abs + m.eps_rel * m.gap_size)
         needed = max(NEEDED, BEHIND * m.gap_ratio)

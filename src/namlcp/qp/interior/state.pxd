@@ -47,12 +47,11 @@ cdef class Interior(Watched):
         double tested[2]
         # The active-set system (`candidates`): the point where it starts, with its active
         # set, and the one found, with the next set; its unknowns, those of the least
-        # residual, the right-hand side of rows; flags of what is held; its
-        # regularisation, and the largest violation of a slack or multiplier, unscaled;
+        # residual, the right-hand side of rows; flags of what is held; its regularisation;
         # whether it was factored, whether its residual fell tenfold, whether the next
         # active set is another.
         double *start, *found, *u, *least_u, *goal, *held
-        double regularisation, set_violation
+        double regularisation
         bint is_factored, converged, set_changed
         # Tolerances, the larger one, and the relative residual that ends a refinement;
         # that at which refinement last came to a halt.
