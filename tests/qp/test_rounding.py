@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import qpsolvers
 import scipy.sparse as sp
-from problems_qp import DATA, complementary, make_qp, maros_meszaros
+from problems_qp import DATA, complementary, make_qp, maros_meszaros, unbounded
 from qpsolvers import Problem, Solution
 
 from namlcp import Status, qp_residuals, solve_qp
@@ -324,3 +324,9 @@ def test_a_refined_point_is_measured_at_its_own_rows(seed):
         found = solve_qp(P, q, G, h, eps_abs=1e-5, eps_rel=0.0)
         violation = max(0.0, (G @ found.x - h)[0])
         assert found.residuals.primal == pytest.approx(violation, abs=1e-9)
+
+
+def test_what_is_curved_is_taken_away_from_a_ray():
+    """Two centres differ along other directions, too; interior points stall here."""
+    result = solve_qp(*unbounded(23, 300, 400, 50, rank=150, has_bounds=True))
+    assert result.status is Status.DUAL_INFEASIBLE

@@ -14,6 +14,7 @@ cdef enum:
     CORRECTIONS = 20
     MOST_ROUNDS = 20
     REFINEMENTS = 2
+    RAY_PASSES = 3
 
 
 cdef bint is_fit(ActiveSet m) noexcept nogil

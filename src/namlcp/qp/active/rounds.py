@@ -52,8 +52,8 @@ LEAST_DIVISOR, INFINITE = checks.LEAST_DIVISOR, checks.INFINITE
 # rho over that power of 16, if no other is asked for; m.wanted without any weight.
 RHO, NO_WEIGHT = 1e-6, -1.0
 # Of a ray d of size 1, in scaled variables: the largest P d, and the growth of a row of
-# norm 1, that are rounding.
-MOST_CURVED, LEAST_GROWTH = 1e-13, 1e-11
+# norm 1 that is rounding.
+MOST_CURVED, LEAST_GROWTH = 1e-9, 1e-11
 
 
 def is_fit(m):
@@ -265,8 +265,17 @@ def judge(m):
 
 
 def is_ray(m):
-    """Tell whether m.direction is a ray; it is in z_box then."""
+    """Tell whether a d near m.direction is a ray; it is in z_box then.
+
+    Inverse iteration on the face, d = K_F^-1 W d, takes away what is curved.
+    """
     n, ray, along = m.n, m.z_box, m.direction
+    fill(m.rhs + n, 0.0, m.p)
+    for _ in range(RAY_PASSES):
+        for j in range(n):
+            m.rhs[j] = m.weight[j] * along[m.m + j]
+        set_change(m, False)
+        copy(m.change, along, m.rows)
     size, curved = size_of(m, along), 0.0
     for i in range(m.rows):
         growth = along[i] * m.scale[i]
