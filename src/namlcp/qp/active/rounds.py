@@ -269,7 +269,7 @@ def is_ray(m):
 
     Inverse iteration on the face, d = K_F^-1 W d, takes away what is curved.
     """
-    n, ray, along = m.n, m.z_box, m.direction
+    n, along = m.n, m.direction
     fill(m.rhs + n, 0.0, m.p)
     for _ in range(RAY_PASSES):
         for j in range(n):
@@ -287,8 +287,10 @@ def is_ray(m):
     m.times_cost(along + m.m, m.Px)
     for j in range(n):
         curved = max(curved, fabs(m.Px[j]) / m.scale[m.m + j])
-    copy(along + m.m, ray, n)
-    return dot(m.q, ray, n) < 0.0 and curved <= MOST_CURVED * size
+    if not dot(m.q, along + m.m, n) < 0.0 or not curved <= MOST_CURVED * size:
+        return False
+    copy(along + m.m, m.z_box, n)
+    return True
 
 
 # ---- certificates
