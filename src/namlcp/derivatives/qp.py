@@ -244,10 +244,10 @@ class QPDerivative:
         )  # fmt: skip
         # entries of 0 that rounding has moved would be strictly active
         share = np.abs(N).sum(axis=1)
-        zero = VANISHED * share * largest(value[share > 0.0])
-        if zero.any():
+        rounding = VANISHED * share * largest(value[share > 0.0])
+        if rounding.any():
             value = value + N @ best.x
-            value[np.abs(value) < zero] = 0.0
+            value[np.abs(value) < rounding] = 0.0
         return Point(point.x, *np.split(value, (qp.b.size, qp.b.size + qp.h.size)))
 
     def direction(self, changes: dict[str, Any]) -> dict[str, Any]:

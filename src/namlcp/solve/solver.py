@@ -212,7 +212,7 @@ class Solver(metaclass=Public):
                 given[name] = copied(name, M)
                 new[name] = in_place_of(name, given[name], getattr(kept, name))
         if new:
-            qp = qp_data(**{**kept._asdict(), **new})
+            qp = qp_data(*kept._replace(**new))
         if given.keys().isdisjoint(new):
             return qp
         if not qp.is_dense:  # P + P' is stored without zeros

@@ -297,7 +297,7 @@ def coarsen(
         P, C = found
         R = sparse.csr_array(P.T)
         levels.append(Level(A, diagonal, d, P, R, C))
-        A = sparse.csr_array(R @ A @ P)
+        A = R @ A @ P
         A.eliminate_zeros()
         A.sort_indices()
         entries -= A.nnz
